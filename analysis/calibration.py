@@ -25,6 +25,7 @@ from analysis.fit.problem import SENSOR_FIELDS, sensor_transform
 from analysis.fit.result import FitResult
 from analysis.identifiability_words import short_sentence
 from analysis.parameters import CELL, GAIN
+from analysis.written_numbers import counted
 
 __all__ = ["CalibrationResult", "calibrate", "drift", "sensor_from_json"]
 
@@ -225,8 +226,8 @@ def calibrate(
     if not kept:
         first = f" ({excluded[0][0]}: {excluded[0][1]})" if excluded else ""
         raise AnalysisError(
-            f"None of the {len(campaign.shots)} shots can calibrate the cell{first}; drop spheres "
-            "of stated modulus from a known height on surfaces of stated modulus."
+            f"None of {counted(len(campaign.shots), 'shot')} can calibrate the cell{first}; "
+            "drop spheres of stated modulus from a known height on surfaces of stated modulus."
         )
     sensor, loosened = _prior_sensor(campaign.sensor)
     known = dataclasses.replace(campaign, shots=tuple(kept), sensor=sensor)

@@ -6,8 +6,9 @@ The noise is described as autoregressive,
 
 so that filtering a residual with :math:`1 - \sum_j a_j z^{-j}` makes it white. The order is chosen
 by BIC over all quiet stretches of a campaign together, after what is slow enough to be mains hum
-has been taken off. Where a part that rises like 1/f describes the stretches better, it is said so,
-and the filter is the long one that such noise obeys. How large it may be unseen is told too.
+has been taken off. Where a part that rises like 1/f, or 1/f^2, describes the stretches better, it
+is said so, and the filter is the long one that such noise obeys. How large it may be unseen is told
+too.
 
 Where the converter's step is larger than the noise, the quiet stretches say next to nothing, and
 the error of rounding is the noise: ``analysis.quantisation``, ``analysis.hidden_noise``.
@@ -43,9 +44,9 @@ MAX_ORDER = 8
 MIN_QUIET_SAMPLES = 200
 """Fewer quiet samples than this say too little about colour."""
 SHORT_ORDER = 2
-"""Highest autoregressive order that is tried beside a 1/f part."""
+"""Highest autoregressive order that is tried beside a slow part."""
 SLOW_PRICE = 6.0
-"""What a 1/f part must bring in twice the logarithm of the likelihood. Every amplifier has one, so
+"""What a slow part must bring in twice the logarithm of the likelihood. Every amplifier has one, so
 it need not prove itself as a further order must; to whiten one that is not there does no harm."""
 PROMISED_SHARE = 0.5
 """Of that price: what a score test must promise for a search. It promises rather too much."""
@@ -64,16 +65,19 @@ class NoiseModel:
     samples: int
     """Quiet samples it was learned from."""
     source: str
-    """``"pre-trigger"``, or ``"differences"`` where no record has a quiet stretch."""
+    """``"pre-trigger"``; ``"end"`` of the windows, or ``"differences"`` of neighbouring samples,
+    where no record has a quiet stretch before the pulse."""
     short: NDArray[np.float64] | None = None
-    """Coefficients of what is not 1/f, shape (q,); ``coefficients`` themselves where nothing is.
+    """Coefficients of what is not slow, shape (q,); ``coefficients`` themselves where nothing is.
     [1]"""
     head: NDArray[np.float64] | None = None
     """Whitens the first p samples from those before each, in units of ``innovation_rms``; shape (p,
     p). Without it they only serve as history. A long filter needs it: what dies away within its
     length would be free. [1]"""
     corner: float = 0.0
-    """Where a 1/f part is as strong as the rest at low frequency, 0 without one. [1/sample]"""
+    """Where a slow part is as strong as the rest at low frequency, 0 without one. [1/sample]"""
+    slope: int = 1
+    """The slow part rises like 1/f^slope."""
     corner_below: float | None = None
     """Largest corner that the quiet stretches allow, whether or not one was found; None where they
     say nothing. [1/sample]"""
@@ -90,7 +94,7 @@ class NoiseModel:
     @property
     def is_measured(self) -> bool:
         """Whether the level is that of quiet stretches, no guess."""
-        return self.source == "pre-trigger"
+        return self.source != "differences"
 
     @property
     def order(self) -> int:
@@ -192,13 +196,13 @@ def estimate_noise(
         where the noise is smaller than half of it, `hidden_noise` tells it.
     sample_rate_hz : float, optional
         Of the records. With it, what is slow enough to be mains hum is not taken for noise, and a
-        1/f part is looked for; without it, only means are taken off.
+        slow part is looked for; without it, only means are taken off.
 
     Notes
     -----
-    Source: Yule-Walker equations by Levinson's recursion; order by BIC; a 1/f part by
+    Source: Yule-Walker equations by Levinson's recursion; order by BIC; a slow part by
     `analysis.noise_slow`. Validation: recovers AR(1) of known coefficient, and corners of known
-    1/f, in ``tests/analysis/test_noise.py`` and ``test_noise_slow.py``.
+    1/f and 1/f^2, in ``tests/analysis/test_noise.py`` and ``test_noise_slow.py``.
     """
     usable = [s for s in segments if s.size > 4 * MAX_ORDER]
     if sample_rate_hz is not None:
@@ -218,18 +222,35 @@ def estimate_noise(
         return NoiseModel(np.zeros(0), level, level, samples, "pre-trigger")
     short, variance = _by_bic(gamma, samples)
     plain = NoiseModel(short, math.sqrt(variance), math.sqrt(gamma[0]), samples, "pre-trigger")
-    seen = None
     if sample_rate_hz is not None:
-        seen = pooled_spectrum(usable, sample_rate_hz)
+        plain = _with_slow_part(plain, usable, sample_rate_hz, gamma)
+    return plain
+
+
+def _with_slow_part(
+    plain: NoiseModel,
+    usable: Sequence[NDArray[np.float64]],
+    sample_rate_hz: float,
+    gamma: NDArray[np.float64],
+) -> NoiseModel:
+    """Return autoregressive noise with its slow part if there is one, and with what limits it."""
+    seen = pooled_spectrum(usable, sample_rate_hz)
     if seen is None:
         return plain
-    flat = noise_slow.autoregressive(seen, short)
+    best = flat = noise_slow.autoregressive(seen, plain.coefficients)
     found = _rising(seen, flat, gamma)
-    model = plain if found is None else _rising_model(found, seen.samples, samples)
-    best = found or flat
+    if found is not None:
+        # noise of 1/f^2 shows as 1/f first
+        steep = pooled_spectrum(usable, sample_rate_hz, slope=2)
+        steeper = None if steep is None else _rising(steep, flat, gamma)
+        if steep is not None and steeper is not None and steeper[1] < found[1]:
+            seen, found = steep, steeper
+        best = found[0]
+    model = plain if best is flat else _rising_model(best, seen.samples, plain.samples)
     expected = noise_slow.drift_expected(seen, best)
     return replace(
         model,
+        slope=best.slope,
         corner_below=noise_slow.largest_corner(seen, best.short),
         drift_rms=math.sqrt(seen.drift / seen.samples),
         drift_expected_rms=math.sqrt(expected / seen.samples),
@@ -245,7 +266,7 @@ def _coarse_model(coarse: Coarse, covariance: NDArray[np.float64], samples: int)
 
 
 def _rising_model(found: Slow, piece: int, samples: int) -> NoiseModel:
-    """Return noise with a 1/f part as a filter."""
+    """Return noise with a slow part as a filter."""
     taps, variance, head = noise_slow.whitening_filter(found)
     return NoiseModel(
         taps,
@@ -277,8 +298,13 @@ def _by_bic(gamma: NDArray[np.float64], samples: int) -> tuple[NDArray[np.float6
     )
 
 
-def _rising(seen: Spectrum, flat: Slow, gamma: NDArray[np.float64]) -> Slow | None:
-    """Return noise with a 1/f part where that is worth its price, else None."""
+def _rising(
+    seen: Spectrum, flat: Slow, gamma: NDArray[np.float64]
+) -> tuple[Slow, float] | None:
+    """Return noise with a slow part where that is worth its price, and what it costs, else None.
+
+    Minus twice the logarithm of its likelihood, and the prices of its numbers.
+    """
     price = math.log(seen.pieces * seen.samples)
     best, least = None, -2.0 * flat.likelihood + flat.short.size * price
     for short, _ in islice(_by_order(gamma), min(flat.short.size, SHORT_ORDER) + 1):
@@ -291,7 +317,7 @@ def _rising(seen: Spectrum, flat: Slow, gamma: NDArray[np.float64]) -> Slow | No
         cost = -2.0 * found.likelihood + short.size * price + SLOW_PRICE
         if worth and cost < least and found.corner < noise_slow.FURTHEST_CORNER:
             best, least = found, cost
-    return best
+    return None if best is None else (best, least)
 
 
 def noise_from_differences(signals: Sequence[NDArray[np.float64]]) -> NoiseModel:

@@ -1,10 +1,11 @@
-r"""Noise that rises like 1/f towards low frequency: found, measured, and whitened.
+r"""Noise that rises towards low frequency: found, measured, and whitened.
 
-.. math:: S(f) = S_{AR}(f) + A / f
+.. math:: S(f) = S_{AR}(f) + A / f^s
 
-What an electronic amplifier adds below some kilohertz. The density is fitted to the spectrum of
-quiet stretches by Whittle's likelihood; the filter that whitens it is the long autoregression which
-noise of that density obeys, computed and not fitted.
+What an electronic amplifier adds below some kilohertz: flicker noise has a slope s of 1, and noise
+that was integrated, as a charge amplifier does with the current of its input, of 2. The density is
+fitted to the spectrum of quiet stretches by Whittle's likelihood; the filter that whitens it is the
+long autoregression which noise of that density obeys, computed and not fitted.
 """
 
 from __future__ import annotations
@@ -20,22 +21,22 @@ from analysis.aliases import Array
 from analysis.quiet_spectrum import Spectrum, slow_covariance
 
 LONG_ORDER = 256
-"""Taps of the filter that whitens 1/f: it holds down to a few hundredths of its inverse."""
+"""Taps of the filter that whitens a slow part: it holds down to a few hundredths of its inverse."""
 FURTHEST_CORNER = 0.5
-"""A corner beyond half the sample rate is colour of another kind than 1/f."""
+"""A corner beyond half the sample rate is colour of another kind than a slow part."""
 DOUBTED = 9.0
 """Fall of twice the logarithm of the likelihood, three standard deviations, that ends what noise
 may be."""
 LEAST_CORNER = 1e-6
 """Cycles per sample below which no corner is tried."""
 _GRID = 1 << 14
-_RATIOS = np.geomspace(LEAST_CORNER, FURTHEST_CORNER, 60)
+_CORNERS = np.geomspace(LEAST_CORNER, FURTHEST_CORNER, 60)
 _TURN_STEP = 1e-6
 _LARGEST_REFLECTION = 1.0 - 1e-9
 _MOST_TURNED = 10.0
 """A reflection of 1 - 4e-9: beyond it noise is a tone."""
 _MOST_RATIO = 1e4
-"""Of 1/f to innovations: beyond it hardly any are left, and no corner is in sight."""
+"""Of the slow part to innovations: beyond it hardly any are left, and no corner is in sight."""
 _CLIMB_STEPS = 60
 _CLIMBED = 1e-3
 """Gain in the likelihood's logarithm below which nothing depends on it: prices are of order 6."""
@@ -43,21 +44,24 @@ _CLIMBED = 1e-3
 
 @dataclass(frozen=True)
 class Slow:
-    """Autoregressive noise with a 1/f part."""
+    """Autoregressive noise with a part that rises towards low frequency."""
 
     short: Array
     """Coefficients of the autoregressive part, shape (p,)."""
     innovation: float
     """Variance of its innovations. [unit of the signal squared]"""
     amplitude: float
-    """A; 0 without a 1/f part. [unit of the signal squared]"""
+    """A; 0 without a slow part. [unit of the signal squared]"""
     likelihood: float
     """Logarithm, constants left out."""
+    slope: int = 1
+    """s, 1 or 2."""
 
     @property
     def corner(self) -> float:
-        """Return where 1/f meets the rest at low frequency. [cycles per sample]"""
-        return self.amplitude * float(1.0 - self.short.sum()) ** 2 / self.innovation
+        """Return where the slow part meets the rest at low frequency. [cycles per sample]"""
+        ratio = self.amplitude * float(1.0 - self.short.sum()) ** 2 / self.innovation
+        return float(ratio ** (1.0 / self.slope))
 
 
 def _shape(short: Array, frequency: Array) -> Array:
@@ -83,7 +87,7 @@ def autoregressive(seen: Spectrum, short: Array) -> Slow:
     """Return autoregressive noise of given coefficients at its best level."""
     shape = seen.white * _shape(short, seen.frequency)
     level = float(np.average(seen.power / shape, weights=seen.lines))
-    return Slow(short, level, 0.0, _likelihood(seen, level * shape))
+    return Slow(short, level, 0.0, _likelihood(seen, level * shape), seen.slope)
 
 
 def _from_reflections(reflections: Array) -> Array:
@@ -95,8 +99,8 @@ def _from_reflections(reflections: Array) -> Array:
 
 
 def _profile(seen: Spectrum, shape: Array) -> Array:
-    """Return the largest likelihood with each of `_RATIOS`, the autoregressive shape kept."""
-    expected = shape * seen.white + _RATIOS[:, None] * seen.slow
+    """Return the largest likelihood with each of `_CORNERS`, the autoregressive shape kept."""
+    expected = shape * seen.white + _CORNERS[:, None] ** seen.slope * seen.slow
     level = np.average(seen.power / expected, weights=seen.lines, axis=1)
     found = np.log(level[:, None] * expected) @ seen.lines
     # at its best level a line's power is on average what is expected of it
@@ -104,11 +108,11 @@ def _profile(seen: Spectrum, shape: Array) -> Array:
 
 
 def _made(seen: Spectrum, ratio: float, turns: Array) -> Slow:
-    """Return noise of a shape, 1/f part over innovation and reflections, at its best level."""
+    """Return noise of a shape, slow part over innovation and reflections, at its best level."""
     short = _from_reflections(np.tanh(turns))
     shape = _shape(short, seen.frequency) * seen.white + ratio * seen.slow
     level = float(np.average(seen.power / shape, weights=seen.lines))
-    return Slow(short, level, ratio * level, _likelihood(seen, level * shape))
+    return Slow(short, level, ratio * level, _likelihood(seen, level * shape), seen.slope)
 
 
 def _scores(seen: Spectrum, at: Slow, turns: Array) -> tuple[Array, Array]:
@@ -131,10 +135,10 @@ def _scores(seen: Spectrum, at: Slow, turns: Array) -> tuple[Array, Array]:
 
 
 def promised_gain(seen: Spectrum, short: Array) -> float:
-    """Return by how much twice the likelihood's logarithm would rise by a 1/f part (score test).
+    """Return by how much twice the likelihood's logarithm would rise by a slow part (score test).
 
     ``short`` are the coefficients of autoregressive noise from which it is computed. The gain is
-    that of a likelihood that is a parabola, 0 where a 1/f part would have to be negative.
+    that of a likelihood that is a parabola, 0 where a slow part would have to be negative.
 
     Source: Rao's score test. For lines above what is expected of them it promises more than they
     bring (x - 1 squared, where the likelihood has 2 (x - 1 - ln x)).
@@ -167,7 +171,7 @@ def _climb(seen: Spectrum, ratio: float, turns: Array) -> Slow:
         information[np.diag_indices_from(information)] *= 1.0 + damping
         # The shortest step: along what no line of the spectrum tells, nothing moves.
         step = np.linalg.lstsq(information, score, rcond=None)[0]
-        # a 1/f part stays positive, and may vanish by steps
+        # a slow part stays positive, and may vanish by steps
         ahead = ratio + float(step[1])
         ahead = ahead if ahead > 0.1 * ratio else 0.1 * ratio
         moved = np.clip(turns + step[2:], -_MOST_TURNED, _MOST_TURNED)
@@ -183,7 +187,7 @@ def _climb(seen: Spectrum, ratio: float, turns: Array) -> Slow:
 
 
 def with_slow_part(seen: Spectrum, short: Array) -> Slow:
-    """Return the best autoregressive noise of the order of ``short`` with a 1/f part.
+    """Return the best autoregressive noise of the order of ``short`` with a slow part.
 
     It is the largest likelihood found from these coefficients and from white noise.
     """
@@ -193,13 +197,13 @@ def with_slow_part(seen: Spectrum, short: Array) -> Slow:
     climbed = []
     for turns in starts:
         shape = _shape(_from_reflections(np.tanh(turns)), seen.frequency)
-        ratio = float(_RATIOS[int(np.argmax(_profile(seen, shape)))])
+        ratio = float(_CORNERS[int(np.argmax(_profile(seen, shape)))] ** seen.slope)
         climbed.append(_climb(seen, ratio, turns))
     return max(climbed, key=lambda found: found.likelihood)
 
 
 def largest_corner(seen: Spectrum, short: Array) -> float:
-    """Return how large a 1/f part may be, found or not. [cycles per sample]
+    """Return how large a slow part may be, found or not. [cycles per sample]
 
     At this corner the likelihood, at its best level, has fallen by `DOUBTED`. The autoregressive
     part ``short`` stays.
@@ -207,18 +211,19 @@ def largest_corner(seen: Spectrum, short: Array) -> float:
     at_zero = float(_shape(short, np.zeros(1))[0])
     found = _profile(seen, _shape(short, seen.frequency) / at_zero)
     allowed = np.flatnonzero(2.0 * (found.max() - found) <= DOUBTED)
-    return float(_RATIOS[allowed[-1]])
+    return float(_CORNERS[allowed[-1]])
 
 
 def whitening_filter(model: Slow, taps: int = LONG_ORDER) -> tuple[Array, float, Array]:
-    """Return the long autoregression that noise with a 1/f part obeys, and how it begins.
+    """Return the long autoregression that noise with a slow part obeys, and how it begins.
 
     That is the coefficients a_1 .. a_p, the variance of what they cannot predict [unit of the
     signal squared], and the lower triangle that whitens the first samples to that variance, shape
     (taps, taps).
     """
     density = model.innovation * _shape(model.short, np.arange(_GRID // 2 + 1) / _GRID)
-    gamma = irfft(density, _GRID)[: taps + 1] + model.amplitude * slow_covariance(taps)
+    slow = model.amplitude * slow_covariance(taps, model.slope)
+    gamma = irfft(density, _GRID)[: taps + 1] + slow
     a = np.asarray(solve_toeplitz(gamma[:-1], gamma[1:]))
     variance = float(gamma[0] - a @ gamma[1:])
     root = np.linalg.cholesky(toeplitz(gamma[:-1]))
@@ -232,7 +237,7 @@ def variance_within(model: Slow, samples: int) -> float:
     [unit of the signal squared]
     """
     density = _shape(model.short, np.arange(_GRID // 2 + 1) / _GRID)
-    gamma = slow_covariance(samples - 1)
+    gamma = slow_covariance(samples - 1, model.slope)
     weights = 2.0 * (samples - np.arange(samples)) / samples**2
     weights[0] = 1.0 / samples
     slow = float(gamma[0] - weights @ gamma)

@@ -1,12 +1,13 @@
 r"""The spectrum of quiet intervals, without the part that may be mains hum.
 
-Two things make a quiet stretch wander. Noise whose density rises like 1/f does it by chance, at
-all frequencies below its corner. Mains hum does it too, but over a few milliseconds it is a smooth
-curve of few numbers, and it is no noise: it is there to be found. So everything that a signal below
-`DRIFT_HZ` can do within a stretch is taken off by a polynomial, and what is left is noise.
+Two things make a quiet stretch wander. Noise whose density rises like 1/f, or like 1/f^2 as behind
+an integrator, does it by chance, at all frequencies below its corner. Mains hum does it too, but
+over a few milliseconds it is a smooth curve of few numbers, and it is no noise: it is there to be
+found. So everything that a signal below `DRIFT_HZ` can do within a stretch is taken off by a
+polynomial, and what is left is noise.
 
 The powers of its cosine transform stand beside what they are expected to be for a flat density and
-for one of 1/f, the polynomial taken off there as well: no lines have to be thrown away, and no
+for a rising one, the polynomial taken off there as well: no lines have to be thrown away, and no
 leakage is taken for a slope.
 """
 
@@ -33,7 +34,7 @@ SHORTEST = 256
 MOST_DEGREE = LONGEST // 16
 """A polynomial of a higher degree over a long stretch takes gigabytes; a piece tells as much."""
 LOWEST = 2.0**-16
-"""Cycles per sample below which a density of 1/f stays flat; no window is long enough to see it."""
+"""Cycles per sample below which a rising density stays flat; no window is long enough to see it."""
 SINGLE, STEP = 64, 0.03
 """So many lines stand for themselves, then bands of this relative width do."""
 KEPT = 0.5
@@ -53,8 +54,8 @@ class Spectrum:
     """Mean over pieces and lines. Shape (k,). [unit of the signal squared]"""
     white: Array
     slow: Array
-    """This and ``white`` are what the power is expected to be for a density of 1/f and of 1, shape
-    (k,). [1]"""
+    """This and ``white`` are what the power is expected to be for a density of 1/f^slope and of 1,
+    shape (k,). [1]"""
     pieces: int
     samples: int
     """Of each of the ``pieces`` that were pooled."""
@@ -62,8 +63,10 @@ class Spectrum:
     """Mean square of what was taken off, means aside. [unit of the signal squared]"""
     drift_white: float
     drift_slow: float
-    """This and ``drift_white`` are what it is expected to be for a density of 1/f and of 1. [1]"""
+    """This and ``drift_white`` are what it is expected to be for a density of 1/f^slope and of 1.
+    [1]"""
     degree: int
+    slope: int
 
 
 def drift_degree(samples: int, sample_rate_hz: float) -> int:
@@ -106,29 +109,37 @@ def without_drift(stretch: Array, degree: int) -> Array:
     return np.asarray(stretch - q @ (q.T @ stretch))
 
 
-def slow_covariance(lags: int) -> Array:
-    r"""Return the autocovariance of noise with density 1/f.
+def slow_covariance(lags: int, slope: int) -> Array:
+    r"""Return the autocovariance of noise with density 1/f or, for a slope of 2, 1/f^2.
 
-    .. math:: \gamma_j = 2 \int_{f_0}^{1/2} \cos(2 \pi f j) / f \, df
-        = 2 [Ci(\pi j) - Ci(2 \pi f_0 j)]
+    .. math:: \gamma_j = 2 \int_{f_0}^{1/2} \cos(\omega j) / f \, df
+        = 2 [Ci(\pi j) - Ci(\omega_0 j)]
 
-    Shape (lags + 1,); the density is flat below `LOWEST`. Source: the cosine integral. Validation:
-    against a sum over lines in ``tests/analysis/test_quiet_spectrum.py``.
+    .. math:: \gamma_j = 2 \int_{f_0}^{1/2} \cos(\omega j) / f^2 \, df = 2 [\cos(\omega_0 j) / f_0
+        - 2 \cos(\pi j) - 2 \pi j (Si(\pi j) - Si(\omega_0 j))]
+
+    Shape (lags + 1,); the density is flat below `LOWEST`. Source: the sine and cosine integrals, by
+    parts for 1/f^2. Validation: against a sum over lines in
+    ``tests/analysis/test_quiet_spectrum.py``.
     """
-    j = np.arange(1, lags + 1)
-    tail = 2.0 * (sici(np.pi * j)[1] - sici(2.0 * np.pi * LOWEST * j)[1])
-    flat = 2.0 * np.sinc(2.0 * LOWEST * np.arange(lags + 1))  # the part below LOWEST
-    return np.asarray(np.concatenate([[2.0 * math.log(0.5 / LOWEST)], tail]) + flat)
+    j = np.arange(lags + 1)
+    low, high = 2.0 * np.pi * LOWEST * j, np.pi * j
+    flat = 2.0 * LOWEST ** (1 - slope) * np.sinc(2.0 * LOWEST * j)  # the part below LOWEST
+    if slope == 1:
+        tail = 2.0 * (sici(high[1:])[1] - sici(low[1:])[1])
+        return np.asarray(np.concatenate([[2.0 * math.log(0.5 / LOWEST)], tail]) + flat)
+    rest = 2.0 * np.pi * j * (sici(high)[0] - sici(low)[0])
+    return np.asarray(2.0 * (np.cos(low) / LOWEST - 2.0 * np.cos(high) - rest) + flat)
 
 
-def slow_powers(columns: Array) -> Array:
-    """Return the variance of noise with density 1/f along columns, shape (n, k).
+def slow_powers(columns: Array, slope: int) -> Array:
+    """Return the variance of noise with density 1/f^slope along columns, shape (n, k).
 
     Each is c' G c with G the covariance of `slow_covariance`, by Fourier transform.
     """
     samples = columns.shape[0]
     size = next_fast_len(2 * samples - 1)
-    gamma = slow_covariance(samples - 1)
+    gamma = slow_covariance(samples - 1, slope)
     circle = np.zeros(size)
     circle[:samples] = gamma
     circle[size - samples + 1 :] = gamma[:0:-1]
@@ -138,23 +149,26 @@ def slow_powers(columns: Array) -> Array:
 
 
 @lru_cache(maxsize=16)
-def _expected(samples: int, degree: int) -> tuple[Array, Array, float]:
-    """Return each line's power for densities 1 and 1/f, and the drift's for 1/f."""
+def _expected(samples: int, degree: int, slope: int) -> tuple[Array, Array, float]:
+    """Return each line's power for densities 1 and 1/f^slope, and the drift's for the latter."""
     q = drift_basis(samples, degree)
     white = 1.0 - np.sum(dct(q, type=2, norm="ortho", axis=0) ** 2, axis=1)
     frequency = np.arange(samples) / (2.0 * samples)
-    slow = white / np.maximum(frequency, 0.25 / samples)
+    slow = white / np.maximum(frequency, 0.25 / samples) ** slope
     lines = min(_EXACT_LINES, samples)
     basis = dct(np.eye(samples, lines), type=3, norm="ortho", axis=0)
     basis -= q @ (q.T @ basis)
-    slow[:lines] = slow_powers(basis)
-    return white, slow, float(np.sum(slow_powers(q[:, 1:])))
+    slow[:lines] = slow_powers(basis, slope)
+    return white, slow, float(np.sum(slow_powers(q[:, 1:], slope)))
 
 
-def pooled_spectrum(segments: Sequence[Array], sample_rate_hz: float) -> Spectrum | None:
+def pooled_spectrum(
+    segments: Sequence[Array], sample_rate_hz: float, slope: int = 1
+) -> Spectrum | None:
     """Return the powers of quiet stretches with their drift taken off.
 
-    None where they are too short to tell drift from noise.
+    Beside them stand those of noise that rises with a ``slope`` of 1 or 2. None where they are too
+    short to tell drift from noise.
     """
     sizes = sorted((s.size for s in segments), reverse=True)
     if not sizes or sizes[0] < SHORTEST:
@@ -173,7 +187,7 @@ def pooled_spectrum(segments: Sequence[Array], sample_rate_hz: float) -> Spectru
     x = np.stack(pieces)
     taken = x @ q
     lines = dct(x - taken @ q.T, type=2, norm="ortho", axis=1)
-    white, slow, drift_slow = _expected(samples, degree)
+    white, slow, drift_slow = _expected(samples, degree, slope)
     keep = np.flatnonzero(white > KEPT)
     single = np.arange(keep.size)
     further = np.log(np.maximum(single, SINGLE) / SINGLE) // STEP
@@ -197,4 +211,5 @@ def pooled_spectrum(segments: Sequence[Array], sample_rate_hz: float) -> Spectru
         drift_white=float(degree),
         drift_slow=drift_slow,
         degree=degree,
+        slope=slope,
     )

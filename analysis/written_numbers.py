@@ -41,7 +41,9 @@ def measured(quantity: Any, *, scale: float = 1.0, sign: str = "+-") -> str:
     value = quantity["value"] * scale
     if quantity.get("shots"):
         least, most = quantity["least"] * scale, quantity["most"] * scale
-        over = "; ".join([f"over {quantity['shots']} shots", *(quantity.get("goes_with") or [])])
+        over = "; ".join(
+            [f"over {counted(quantity['shots'], 'shot')}", *(quantity.get("goes_with") or [])]
+        )
         return f"{value:.3g} ({least:.3g} to {most:.3g} {over})"
     stated = (quantity.get("expanded") or {}).get("U")
     expanded = (K_95 * (quantity.get("u") or 0.0) if stated is None else stated) * scale
@@ -58,6 +60,11 @@ def measured(quantity: Any, *, scale: float = 1.0, sign: str = "+-") -> str:
         both = (f"{one / 10**power:.{places}f}" for one in (value, expanded))
         return f"({f' {sign} '.join(both)})e{power:+03d}"
     return f"{value:.{digits}f} {sign} {expanded:.{digits}f}"
+
+
+def counted(count: int, thing: str) -> str:
+    """Return how many there are of a thing: ``1 shot``, ``2 shots``."""
+    return f"{count} {thing}{'' if count == 1 else 's'}"
 
 
 def decimals(expanded: float) -> int:

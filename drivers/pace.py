@@ -126,7 +126,9 @@ class Pace:
         if samples <= BEGINNING_SAMPLES:
             self._usual.shortest_s = min(self._usual.shortest_s, since_s)
         usual = self._usual
-        self.late_s = since_s - min(usual.shortest_s, since_s)
+        # what was learned while the host was busy is too long: the run's own arrivals count as well
+        self._floor_s = min(self._floor_s, since_s + allowed_s)
+        self.late_s = since_s - min(usual.shortest_s, self._floor_s, since_s)
         if usual.runs > _LEARNING_RUNS and usual.shortest_s > _SHORT_LATENCY * self._packet_s:
             self._doubt_s = self.late_s - allowed_s - self._packet_s / 2
         else:

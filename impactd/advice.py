@@ -35,8 +35,8 @@ SENTENCES = {
     "restitution_above_one": "the sphere seems to come back faster than it fell: check the drop "
     "height.",
     "restitution_disagrees": (
-        "the bounce and the trace give different rebounds: the sphere may have hit off-centre, or "
-        "touched the tube."
+        "the bounce and the trace give different rebounds: the sphere may have hit off-centre or "
+        "touched the tube, or the drop height is wrong."
     ),
     "rebound_height_disagrees": "the rebound height that was entered does not agree with the "
     "bounce in the record.",

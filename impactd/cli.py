@@ -32,9 +32,11 @@ from impactd.console import (
     sign_in_command,
     token_commands,
 )
+from impactd.console.options import PlainGroup
 
 app = typer.Typer(
     name="impactd",
+    cls=PlainGroup,
     help="Run a sphere-drop impact rig: from a drop to an elastic modulus.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,

@@ -124,7 +124,9 @@ class Daemon:
         self._leave_mark()
         self.jobs.start()
         self.service.start()
-        self._moduli.start(self.archive.models.active(), self.jobs.wait_warm)
+        self._moduli.start(
+            self.archive.models.active(), lambda: self.materials, self.jobs.wait_warm
+        )
 
     def _leave_mark(self) -> None:
         """Leave a mark by which `impactd doctor` sees whether the rescue directory keeps files."""

@@ -36,7 +36,8 @@ from analysis.parameters import ParameterName
 def without_needless(selection: Selection) -> Selection:
     """Return a selection without an effect that another has made needless.
 
-    The last one too: it may do no more than open a way to where the one before it ends in noise.
+    Without it the model leaves noise: the search would have ended there. The last one too: it may
+    do no more than open a way to where the one before it ends in noise.
     """
     if len(selection.chosen) < 2 or not selection.adequate:
         return selection
@@ -46,7 +47,8 @@ def without_needless(selection: Selection) -> Selection:
         shorter = _reduced(selection.last, old.effect)
         if shorter is None or shorter.impossible:
             continue
-        if shorter.fitted.cost - selection.last.fitted.cost < CRITERIA.least_lead:
+        lost = shorter.fitted.cost - selection.last.fitted.cost
+        if lost < CRITERIA.least_lead or not shorter.structured:
             others = [c for at, c in enumerate(selection.chosen) if at != place]
             steps = [*selection.steps[: len(others)], shorter]
             gain = steps[-2].fitted.cost - shorter.fitted.cost

@@ -89,8 +89,14 @@ def _ends_in_noise(found: Refit) -> bool:
 
 
 def useful(step: Step) -> list[Refit]:
-    """Return the refits of a step that may be taken, best first."""
-    return [r for r in step.refits if r.usable and r.score() >= CRITERIA.least_lead]
+    """Return the refits of a step that may be taken, best first.
+
+    Where none leads by *least_lead*, one that is likelier than the model without it will do if it
+    leaves noise: the score test has refuted that model.
+    """
+    usable = [r for r in step.refits if r.usable and r.score() > 0.0]
+    leading = [r for r in usable if r.score() >= CRITERIA.least_lead]
+    return leading or [r for r in usable[:1] if _ends_in_noise(r)]
 
 
 def select(

@@ -80,10 +80,19 @@ def best_grouping_from_afar(problem: JointProblem, base: joint.Fitted, found: Re
 def _of_some(
     problem: JointProblem, base: joint.Fitted, each: Refit, least: float
 ) -> Iterator[Refit]:
-    """Yield an effect's refits on some materials, the best of them with a size a shot as well."""
+    """Yield an effect's refits on some materials: with a size of each, and with one of all.
+
+    The best of the latter with a size a shot as well.
+    """
     sizes = sizes_of(each, each.scope)
     if sizes is None:
         return
+    count = len(sizes.names)
+    price = each.price.shared / count
+    some, worth = sizes.needing_own_size(price)
+    if some is not None and each.score() + worth - (sizes.gain - price * count) > least:
+        effect = dataclasses.replace(each.effect, only=some)
+        yield _in_grouping(effect, each.scope, problem, base, each)
 
     def on_some(only: ActsOn) -> Refit:
         """Return the refit with one size for some materials."""
@@ -127,7 +136,8 @@ def promises_other_grouping(found: Refit) -> bool:
             now = sizes.promise(only)
             sets = [some for some in sets if set(some.names) < set(only.names)]
         elif only is None and found.scope == kind:
-            now, others = each, [sizes.common(sizes.names)[1]]
+            needed = sizes.needing_own_size(CRITERIA.price_of_number)[1] + CRITERIA.price_of_number
+            now, others = each, [sizes.common(sizes.names)[1], needed]
         else:
             now = sizes.common(sizes.names)[1]
         if max([*others, *(sizes.promise(some) for some in sets)]) > now:

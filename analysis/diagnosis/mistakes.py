@@ -1,10 +1,11 @@
 """Numbers written down wrong, and changes half-way: the campaign as it would be stated without.
 
-Each is one number more: a mass, a radius, a height of a series, the modulus of a reference, a gain
-or a coupon that is another from some shot on, a gain that drifts; or another name (`labels`). By
-how much each would lower the squares follows from the normal equations; the few that promise most
-are stated otherwise, and the base is fitted again. One that leaves noise is named if no effect of
-the library does as well. It is never applied: the campaign stays as it is written.
+Each is one number more: a mass, a radius, a height of a series, the level that heights are measured
+from, the modulus of a reference, a gain or a coupon that is another from some shot on, a gain that
+drifts; or another name (`labels`). By how much each would lower the squares follows from the normal
+equations; the few that promise most are stated otherwise, and the base is fitted again. One that
+leaves noise is named if no effect of the library does as well. It is never applied: the campaign
+stays as it is written.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from scipy.optimize import minimize_scalar
 from analysis.aliases import Array
 from analysis.campaign import Campaign, Shot, Sphere, Surface, Uncertainty, shot_words
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.labels import likely_labels
+from analysis.diagnosis.labels import SIDES, likely_labels
 from analysis.diagnosis.progress import MethodStep, Progress
 from analysis.diagnosis.selection import Step
 from analysis.fit import joint
@@ -151,7 +152,14 @@ def _labels(step: Step) -> list[Mistake]:
     if step.fitted.cost < CRITERIA.far_squares_per_sample * samples:
         return []
     return [
-        Mistake("wrong_label", one.side, one.group, {}, one.sentence, one.campaign)
+        Mistake(
+            "wrong_sample_rate" if one.side == "cell" else "wrong_label",
+            one.side,
+            one.group,
+            {},
+            one.sentence,
+            one.campaign,
+        )
         for one in likely_labels(step.problem)
     ]
 
@@ -192,7 +200,7 @@ class _Known:
     stated: tuple[Input, ...]
     """Those with an uncertainty."""
     doubted: tuple[Input, ...]
-    """Masses, radii and heights, as if next to nothing were known of each."""
+    """Masses, radii, heights and their levels, as if next to nothing were known of each."""
     matrix: Array
     vector: Array
     """Globals, then ``stated``, then ``doubted``; these last ones have no prior."""
@@ -219,7 +227,7 @@ class _Known:
         there = dataclasses.replace(fitted, theta=theta, blocks=blocks)
         matrix, vector, parts = joint.normal_equations(wide, there)
         last = range(len(wide.names) - len(doubted), len(wide.names))
-        matrix[last, last] -= WIDE**-2
+        matrix[last, last] -= [one.u**-2 for one in doubted]
         own_parts = [(part.matrix, part.vector) for part in parts]
         return cls(problem, fitted, stated, doubted, matrix, vector, own_parts)
 
@@ -293,10 +301,97 @@ def _doubted(problem: JointProblem) -> Iterator[Input]:
         for kind, value, unit in (("mass", ball.mass_kg, "kg"), ("radius", ball.radius_m, "m")):
             if value is not None:
                 yield Input(kind, name, value, unit, Uncertainty(WIDE * value), "")
-    heights = {i.shot.drop_height_m for i in problem.shots if i.speed_prior is not None}
+    surfaces = {i.shot.surface for i in problem.shots if i.shot.surface is not None}
+    for name in sorted(surfaces & set(problem.campaign.surfaces)):
+        mass = problem.campaign.surfaces[name].coupon_mass_kg
+        if mass is not None:
+            yield Input("coupon_mass", name, mass, "kg", Uncertainty(WIDE * mass), "")
+    stated = {i.shot.drop_height_m for i in problem.shots if i.speed_prior is not None}
+    heights = sorted(height for height in stated if height is not None)
     if len(heights) > 1:
-        for height in sorted(h for h in heights if h is not None):
+        for height in heights:
             yield Input("height", f"{height:.6g}", height, "m", Uncertainty(WIDE * height), "")
+        yield from _height_datums(problem, Uncertainty(WIDE * heights[0]))
+
+
+def _height_datums(problem: JointProblem, u: Uncertainty) -> Iterator[_HeightDatum]:
+    """Yield other levels that heights may be measured from.
+
+    One offset for the drops of a material (one for all drops is an effect of the release); or for
+    all spheres the same one of `DATUMS`, where their radii differ.
+    """
+    fallen = [i for i in problem.shots if i.speed_prior is not None]
+    radii = {i.radius_m for i in fallen}
+    if len(radii) > 1 and None not in radii:
+        yield _HeightDatum("height_offset", None, 0.0, "1", Uncertainty(1.0), "")
+    for side in SIDES:
+        owners = {getattr(i.shot, side) for i in fallen}
+        if len(owners) > 1:
+            for owner in sorted(name for name in owners if name is not None):
+                yield _HeightDatum("height_offset", owner, 0.0, "m", u, "", side=side)
+
+
+DATUMS = (1, 2)
+"""Where people measure a sphere's height from: its centre, its top. [radii above its bottom]"""
+
+
+@dataclass(frozen=True)
+class _HeightDatum(Input):
+    """What is to be added to stated heights; in radii of the sphere where its unit is 1."""
+
+    side: Side | None = None
+    """Of the material that ``owner`` is; None for all drops."""
+
+    def belongs_to(self, item: FitShot) -> bool:
+        """Tell whether it is a number of this shot."""
+        own = self.side is None or getattr(item.shot, self.side) == self.owner
+        return own and super().belongs_to(item)
+
+    def moved(self, item: FitShot, by: float) -> FitShot:
+        """Return a shot with this input's coordinate changed by ``by``."""
+        return super().moved(item, by * self.unit_of(item.radius_m))
+
+    def unit_of(self, radius_m: float | None) -> float:
+        """Return its unit for a sphere of a radius. [m]"""
+        return 1.0 if self.unit == "m" or radius_m is None else radius_m
+
+
+def _wrong_datum(known: _Known, one: _HeightDatum) -> Mistake | None:
+    found = known.value(one)
+    if found is None:
+        return None
+    problem, campaign = known.problem, known.problem.campaign
+    added, u = one.value_at(found[0]), found[1] / one.scale
+    if one.unit == "1" and min(abs(abs(added) - n) for n in DATUMS) > CRITERIA.deviations * u:
+        return None
+    units = {id(i.shot): one.unit_of(i.radius_m) for i in problem.shots if one.belongs_to(i)}
+
+    def from_the_datum(shot: Shot) -> Shot:
+        """Return a shot with its height from the level of the others."""
+        unit, stated = units.get(id(shot)), shot.drop_height_m
+        if unit is None or stated is None:
+            return shot
+        known_to = shot.u_drop_height_m.u if shot.u_drop_height_m else 0.0
+        own = Uncertainty(math.hypot(u * unit, known_to))
+        return dataclasses.replace(shot, drop_height_m=stated + added * unit, u_drop_height_m=own)
+
+    shots = tuple(from_the_datum(shot) for shot in campaign.shots)
+    if any(shot.drop_height_m is not None and not shot.drop_height_m > 0.0 for shot in shots):
+        return None
+    if one.unit == "m":
+        size, name = _figure(abs(added), "m", u), "height_offset_m"
+    else:
+        size, name = f"{_figure(abs(added), '', u)} {RADII}", "height_offset_radii"
+    whose = "all heights" if one.side is None else f"the heights of {one.owner}"
+    said = f"{whose} are stated too {'large' if added < 0 else 'small'} by {size}"
+    return Mistake(
+        "wrong_height",
+        one.side or "rig",
+        one.owner or "all",
+        {name: (added, u, one.unit)},
+        f"{said}: they are measured from another level",
+        dataclasses.replace(campaign, shots=shots),
+    )
 
 
 def _numbers(known: _Known) -> Iterator[Promise]:
@@ -307,7 +402,10 @@ def _numbers(known: _Known) -> Iterator[Promise]:
         else:
             prior = float(known.matrix[at, at]) - own
             fall = known.fall_without_statement(j, own, load, prior=prior, but=at)
-        yield fall - CRITERIA.price_of_number, partial(_number, known, one)
+        make: Callable[[], Mistake | None] = partial(_number, known, one)
+        if isinstance(one, _HeightDatum):
+            make = partial(_wrong_datum, known, one)
+        yield fall - CRITERIA.price_of_number, make
 
 
 def _number(known: _Known, one: Input) -> Mistake | None:
@@ -334,6 +432,18 @@ def _number(known: _Known, one: Input) -> Mistake | None:
             {"drop_height_m": (value, u, "m")},
             f"the height of a series is written down wrong: {said}",
             dataclasses.replace(campaign, shots=shots),
+        )
+    if one.kind == "coupon_mass":
+        coupon = dataclasses.replace(
+            campaign.surfaces[owner], coupon_mass_kg=value, u_coupon_mass_kg=doubt
+        )
+        return Mistake(
+            "wrong_mass",
+            "surface",
+            owner,
+            {"coupon_mass_kg": (value, u, "kg")},
+            f"the mass of the coupon {owner} is written down wrong: {said}",
+            dataclasses.replace(campaign, surfaces={**campaign.surfaces, owner: coupon}),
         )
     ball = campaign.spheres[owner]
     if one.kind == "mass":
@@ -537,6 +647,7 @@ def _drift(known: _Known, rate: float) -> Mistake | None:
 
 
 # -- words -----------------------------------------------------------------------------------------
+RADII = "radii of the sphere (1: its centre; 2: its top)"
 SHOWN = {"kg": (1e3, "g"), "m": (1e3, "mm"), "Pa": (1e-9, "GPa"), "%": (1.0, "%"), "": (1.0, "")}
 
 

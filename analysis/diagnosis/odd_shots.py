@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,15 +21,18 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
 from analysis.aliases import Array
+from analysis.campaign import Shot, shot_words
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.progress import MethodStep, Progress
 from analysis.diagnosis.score_test import chance_of
 from analysis.diagnosis.selection import Step
+from analysis.errors import AnalysisError
 from analysis.fit import joint
 from analysis.fit.blocks import shot_cost
 from analysis.fit.fit_shot import FitShot, fit_shot, gain_is_observable
-from analysis.fit.problem import JointProblem
+from analysis.fit.problem import JointProblem, build
 from analysis.fit.settle import settle
+from analysis.fit.start import with_start
 from analysis.model import solver
 from analysis.model.impact_model import COUPON
 from analysis.parameters import of_material
@@ -48,9 +51,12 @@ SETTLINGS = 5
 the squares fall by less than one, a likelihood ratio of 1.6."""
 DRAWN = 400
 """Points of a picture: as many as a column of a page can show."""
-HEIGHT = "drop_height_m"
-WRITTEN_DOWN = {HEIGHT, "sphere", "surface"}
+HEIGHT, RATE = "drop_height_m", "sample_rate_hz"
+WRITTEN_DOWN = {HEIGHT, RATE, "sphere", "surface"}
 """What may be wrong of a shot although the shot is as it should be."""
+OTHER_RATES = (0.1, 0.2, 0.25, 0.4, 0.5, 2.0, 2.5, 4.0, 5.0, 10.0)
+"""Times the stated sample rate. Derived: digitizers offer 1, 2, 2.5 and 5 in each decade, and two
+of these within a decade have such a ratio."""
 GAIN_WITHIN = 0.7
 """Largest change of the logarithm of one shot's gain, a factor of two. A choice: an amplifier's
 next range is farther off, and would be seen as such."""
@@ -65,8 +71,8 @@ class SetAside:
     name: str
     because: str
     likely: dict[str, str | float]
-    """What it would be like: sphere and surface, drop_height_m, or gain; empty for nothing known.
-    """
+    """What it would be like: sphere and surface, drop_height_m, sample_rate_hz, or gain; empty for
+    nothing known."""
     curves: dict[str, list[float]]
     """``time_us`` in the record, ``signal``, and the best of the model ``as_labelled``."""
 
@@ -265,13 +271,16 @@ def _most_noise(item: FitShot) -> float:
 def _described(whole: Step, rest: Step, at: int) -> tuple[SetAside, bool]:
     """Return why a shot does not belong, and whether a repetition is left that says so too."""
     item = whole.problem.shots[at]
-    alone = _Alone(rest.problem, rest.fitted.theta, item, whole.fitted.nuisances[at])
+    alone = ShotAlone(rest.problem, rest.fitted.theta, item, whole.fitted.nuisances[at])
     found = alone.explanations()
     ratio = math.sqrt(alone.squares(item) / item.data)
     peers = sum(other.condition == item.condition for other in rest.problem.shots)
     between = not peers and _is_between(item, rest.problem.shots)
     alike = "lower and higher drops of the pair leave" if between else "all other shots leave"
     others = {0: alike, 1: "its repetition leaves"}.get(peers, f"its {peers} repetitions leave")
+    copied = _copied_from(item, whole.problem.campaign.shots)
+    if copied is not None:
+        found = [(f"its record is a copy of that of {copied}", {})]
     like = ", or ".join(words for words, _ in found)
     because = f"It leaves {ratio:.3g} times the noise, {others} noise. " + (
         f"{like[0].upper()}{like[1:]}." if found else "No other label, height or gain explains it."
@@ -283,6 +292,14 @@ def _described(whole: Step, rest: Step, at: int) -> tuple[SetAside, bool]:
     return SetAside(place, item.shot.name, because, likely, alone.curves()), repeated
 
 
+def _copied_from(item: FitShot, shots: Sequence[Shot]) -> str | None:
+    """Return in words of which shot a record is a copy to the last bit; None of none."""
+    for place, other in enumerate(shots):
+        if other is not item.shot and np.array_equal(other.signal, item.shot.signal):
+            return shot_words(place, other.name)
+    return None
+
+
 def _is_between(item: FitShot, others: list[FitShot]) -> bool:
     """Tell whether the pair of a shot was dropped from a lower and from a higher place as well."""
     heights = [o.shot.drop_height_m for o in others if o.pair == item.pair]
@@ -291,7 +308,7 @@ def _is_between(item: FitShot, others: list[FitShot]) -> bool:
 
 
 @dataclass(frozen=True)
-class _Alone:
+class ShotAlone:
     """One shot under what all others say of the rig and of the materials."""
 
     rest: JointProblem
@@ -351,35 +368,27 @@ class _Alone:
 
     def explanations(self) -> list[tuple[str, dict[str, str | float]]]:
         """Return in words and numbers what leaves noise of the shot, the least squares first."""
-        found = sorted((*self._labels(), *self._height(), *self._gain()), key=_first)
+        asked = (*self.labels(), *self.rates(), *self._height(), *self._gain())
+        found = sorted(asked, key=_first)
         enough = min(
             _most_noise(self.item),
             found[0][0] + CRITERIA.least_lead if found else math.inf,
         )
         return [(said, like) for squares, said, like in found if squares <= enough]
 
-    def _labels(self) -> Iterator[tuple[float, str, dict[str, str | float]]]:
-        shot, campaign, model = self.item.shot, self.rest.campaign, self.rest.model
+    def labels(self) -> Iterator[tuple[float, str, dict[str, str | float]]]:
+        """Yield the squares left under each other label, in words and in names."""
+        shot, campaign = self.item.shot, self.rest.campaign
         if shot.sphere is None or shot.surface is None:
             return
-        known, kv = set(self.rest.names), model.kind == solver.KV
-        known_gain = gain_is_observable(campaign, kv=kv)
+        known = set(self.rest.names)
         for sphere in sorted(campaign.spheres):
             for surface in sorted(campaign.surfaces):
                 same = (sphere, surface) == (shot.sphere, shot.surface)
                 moduli = {of_material("sphere", sphere), of_material("surface", surface)}
                 if same or not moduli <= known:
                     continue
-                other = fit_shot(
-                    dataclasses.replace(shot, sphere=sphere, surface=surface),
-                    campaign,
-                    self.item.noise,
-                    known_gain=known_gain,
-                    kv=kv,
-                    closed=model.closed,
-                    rides=model.obeys(COUPON),
-                    place=self.item.frame.place,
-                )
+                other = self._restated(dataclasses.replace(shot, sphere=sphere, surface=surface))
                 like: dict[str, str | float] = {}
                 if sphere != shot.sphere:
                     like["sphere"] = sphere
@@ -390,6 +399,37 @@ class _Alone:
                     "look at the label"
                 )
                 yield self.squares_as_promised(other), words, like
+
+    def rates(self) -> Iterator[tuple[float, str, dict[str, str | float]]]:
+        """Yield the squares left at each other sample rate, in words and as a number."""
+        stated = self.item.shot.sample_rate_hz
+        for ratio in OTHER_RATES:
+            rate = stated * ratio
+            words = f"its sample rate was {1e-3 * rate:g} kHz, not {1e-3 * stated:g} kHz"
+            shot = dataclasses.replace(self.item.shot, sample_rate_hz=rate)
+            alone = dataclasses.replace(self.rest.campaign, shots=(shot,))
+            try:
+                # at another time base the pulse begins elsewhere: its start is no guide
+                own = with_start(build(alone, self.rest.model))[1][0]
+                other = self._restated(shot)
+            except AnalysisError:  # no impact lasts so long, or so short
+                continue
+            yield dataclasses.replace(self, own=own).squares_as_promised(other), words, {RATE: rate}
+
+    def _restated(self, shot: Shot) -> FitShot:
+        """Return the shot as if ``shot`` had been written down."""
+        campaign, model = self.rest.campaign, self.rest.model
+        kv = model.kind == solver.KV
+        return fit_shot(
+            shot,
+            campaign,
+            self.item.noise,
+            known_gain=gain_is_observable(campaign, kv=kv),
+            kv=kv,
+            closed=model.closed,
+            rides=model.obeys(COUPON),
+            place=self.item.frame.place,
+        )
 
     def _height(self) -> Iterator[tuple[float, str, dict[str, str | float]]]:
         stated = self.item.shot.drop_height_m

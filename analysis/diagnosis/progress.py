@@ -33,15 +33,19 @@ class MethodStep(Enum):
     CANDIDATES = "Candidates"
     COMPARE = "Compare"
     ON_TOP = "Another effect on top?"
-    HELD_OUT = "Held-out check"
     VERDICT = "Verdict"
     NEXT_DROP = "What to drop next"
+    HELD_OUT = "Held-out check"
+
+    @property
+    def place(self) -> int:
+        """Return its place among all steps, from 1."""
+        return list(MethodStep).index(self) + 1
 
     @property
     def heading(self) -> str:
         """Return the title with its place among all steps."""
-        steps = list(MethodStep)
-        return f"{self.value} ({steps.index(self) + 1} of {len(steps)})"
+        return f"{self.value} ({self.place} of {len(MethodStep)})"
 
     def told(self, what: str) -> str:
         """Return what is being done, the step's heading before it."""
@@ -154,9 +158,18 @@ class Watch:
         self._progress = progress
         self._budget = budget
         self._doing = ""
+        self._step = MethodStep.NOISE
 
     def __call__(self, text: str, share: float) -> None:
-        """Note and pass on what is being done."""
+        """Note and pass on what is being done, under the latest step that was begun.
+
+        A search returns to earlier questions: that belongs to the step that it has come to.
+        """
+        heading, _, what = text.partition(": ")
+        begun = [step for step in MethodStep if step.heading == heading]
+        if begun:
+            self._step = max(self._step, *begun, key=lambda step: step.place)
+            text = self._step.told(what)
         self._doing = text
         if self._progress is not None:
             self._progress(text, share)

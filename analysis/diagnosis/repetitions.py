@@ -19,8 +19,10 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
+from scipy.special import logsumexp
 from scipy.stats import t as student
 
 from analysis.aliases import Array
@@ -51,7 +53,7 @@ POWERS_WITHIN = np.array([0.06, 0.1, 0.1])
 """By which these powers are wrong, and of ring and loss of the cell, which do not keep pace with
 the pulse, the rms over the peak for a height e times another. Measured on the simulated rig."""
 FURTHEST = 1.5
-"""Largest |ln| of a height over the stated one that is thought of: a factor of 4.5."""
+"""Largest |ln| of a height over the stated one, and of a gain, that is thought of: e^1.5 = 4.5."""
 HEIGHTS = 1001
 """Heights that are tried up to there: steps of 0.3 %."""
 TINY = 1e-6
@@ -323,18 +325,19 @@ class _Seen:
 
     @property
     def squares(self) -> float:
-        """Twice its log-likelihood, of Student's t, to be compared with others of the shot.
+        """Twice its negative log-likelihood, by Student's t, for comparison.
 
         What leaves more room for a shot is the less likely for it.
         """
         tail = (self.degrees + 1.0) * np.log1p(self.t**2 / self.degrees)
         return float(np.sum(tail + np.log(self.variance)))
 
-    def without(self, number: int) -> _Seen:
-        """Return the same where one number may be whatever it is."""
-        t = self.t.copy()
-        t[number] = 0.0
-        return dataclasses.replace(self, t=t)
+    def with_any_size(self) -> _Seen:
+        """Return the same where no size is likelier than another within e^`FURTHEST` of theirs."""
+        t, variance = self.t.copy(), self.variance.copy()
+        t[SIZE] = 0.0
+        variance[SIZE] = (2.0 * FURTHEST * float(student.pdf(0.0, self.degrees[SIZE]))) ** 2
+        return dataclasses.replace(self, t=t, variance=variance)
 
 
 @dataclass(frozen=True)
@@ -369,6 +372,14 @@ class _Beside:
 
 
 # -- what a shot is like ---------------------------------------------------------------------------
+class _Tried(NamedTuple):
+    """An explanation of an odd shot."""
+
+    squares: float  # twice its negative log-likelihood. [1]
+    seen: _Seen
+    likely: Likely
+
+
 @dataclass(frozen=True)
 class _Look:
     """An odd shot, its repetitions, and all conditions of the session."""
@@ -381,13 +392,10 @@ class _Look:
     def explanations(self) -> list[Likely]:
         """Return as what it would not be unlike, the likeliest first."""
         tried = [*self._labels(), *self._height(), self._gain()]
-        fit = sorted((one for one in tried if not one[0].unlike), key=lambda one: one[0].squares)
-        if not fit:
-            return []
-        most = fit[0][0].squares + CRITERIA.least_lead
-        return [likely for seen, likely in fit if seen.squares <= most]
+        fit = sorted((one for one in tried if not one.seen.unlike), key=lambda one: one.squares)
+        return [one.likely for one in fit if one.squares <= fit[0].squares + CRITERIA.least_lead]
 
-    def _labels(self) -> Iterator[tuple[_Seen, Likely]]:
+    def _labels(self) -> Iterator[_Tried]:
         """Take the condition of each other pair whose height is nearest to the stated one."""
         *pair, height = self.shot.condition
         by_pair: dict[tuple[str | None, str | None], list[_Repeated]] = {}
@@ -401,34 +409,39 @@ class _Look:
                 key: name for key, name, own in named if name is not None and name != own
             }
             words = f"it is like {_pair_words(*other)}, not {_pair_words(*pair)}: look at the label"
-            beside = _Beside.of(self.shot, near, self.scatter)
-            yield beside.from_height(_steps(height, near)), Likely(words, like)
+            seen = _Beside.of(self.shot, near, self.scatter).from_height(_steps(height, near))
+            yield _Tried(seen.squares, seen, Likely(words, like))
 
-    def _height(self) -> Iterator[tuple[_Seen, Likely]]:
-        """Take the height at which it is least off, from whichever condition of the pair."""
+    def _height(self) -> Iterator[_Tried]:
+        """Take the height at which it is least off, from whichever condition of the pair.
+
+        A label is one guess. A height is one of many, so it is as likely as they are on average.
+        """
         *pair, stated = self.shot.condition
         if stated is None:
             return
+        steps = np.linspace(-FURTHEST, FURTHEST, HEIGHTS)
         found: list[tuple[float, _Seen, float]] = []
         for one in self.known:
             if list(one.condition[:2]) == pair:
                 beside = self.beside
                 if one is not beside.there:
                     beside = _Beside.of(self.shot, one, self.scatter)
-                apart = _steps(stated, one)
-                for step in np.linspace(-FURTHEST, FURTHEST, HEIGHTS):
-                    seen = beside.from_height(float(step))
-                    found.append((seen.squares, seen, float(step) - apart))
-        _, seen, step = min(found, key=lambda one: one[0])
+                seen = [beside.from_height(float(step)) for step in steps]
+                squares = np.array([one.squares for one in seen])
+                best = int(squares.argmin())
+                average = -2.0 * float(logsumexp(-0.5 * squares) - math.log(HEIGHTS))
+                found.append((average, seen[best], float(steps[best]) - _steps(stated, one)))
+        average, least_off, step = min(found, key=lambda one: one[0])
         height = stated * math.exp(step)
         words = f"it fell from about {1e3 * height:.3g} mm, not {1e3 * stated:.3g} mm"
-        yield seen, Likely(words, {"drop_height_m": height})
+        yield _Tried(average, least_off, Likely(words, {"drop_height_m": height}))
 
-    def _gain(self) -> tuple[_Seen, Likely]:
-        seen = self.beside.seen().without(SIZE)
-        factor = math.exp(self.beside.seen().away[SIZE])
+    def _gain(self) -> _Tried:
+        as_stated = self.beside.seen()
+        factor, seen = math.exp(as_stated.away[SIZE]), as_stated.with_any_size()
         words = f"its signal is {factor:.3g} of theirs: another gain, or an off-centre hit"
-        return seen, Likely(words, {"gain": factor})
+        return _Tried(seen.squares, seen, Likely(words, {"gain": factor}))
 
 
 def _steps(height_m: float | None, one: _Repeated) -> float:

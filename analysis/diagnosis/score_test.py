@@ -4,10 +4,10 @@ The tests of a residual ask overlapping columns, so their p-values go together. 
 of them are known functions of the whitened noise: noise is drawn, all tests are asked, and what
 their smallest p-values do says how many independent tests they amount to.
 
-Noise of density 1/f moves every order of a baseline, the first most, by amounts that stand in a
-known ratio. Its size is only known to a limit: quiet stretches are short. So a baseline that moves
-says nothing as long as some 1/f part that they allow moves it like that. Hum moves one order and
-hardly the next.
+Noise of density 1/f or 1/f^2 moves every order of a baseline, the first most, by amounts that stand
+in a known ratio. Its size is only known to a limit: quiet stretches are short. So a baseline that
+moves says nothing as long as some such part that they allow moves it like that. Hum moves one order
+and hardly the next.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from scipy.stats import norm
 
 from analysis.aliases import Array
 from analysis.diagnosis.basis.form_error import discrepancy
+from analysis.diagnosis.basis.proposals import Proposal, effects_of_one_number, scopes_of
 from analysis.diagnosis.basis.time_course import BASELINE_ORDERS
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.linearised import (
@@ -59,8 +60,10 @@ ASKED: tuple[Part, ...] = (
 INEXACT = (LAW, "pair")
 """Asked of a model with effects: is one of its laws wrong by more than laws are?"""
 
-DRAWS = 200
-"""The number of tests is known to its fourteenth part, and so is a p-value."""
+DRAWS, TAIL = 1000, 0.1
+"""The number of tests is fitted to the lower decile of the draws' smallest p-values.
+Derived: a verdict is asked of the tail, where overlapping tests agree less than in the middle; the
+decile of 1000 draws tells the number, and so a p-value, to a tenth: sqrt(0.9 / (0.1 x 1000))."""
 SEED = 20_311
 """Any: it is kept, so that the same records have the same p-value."""
 CORNERS_TRIED = 40
@@ -81,6 +84,9 @@ class ScoreTest:
     surplus: float = 0.0
     """Whitened squares beyond the noise's own, where these are too many for noise. No family need
     have seen them."""
+    of_effects: dict[Part, Explained] = dataclasses.field(default_factory=dict)
+    """What each effect of one number explains to first order, of a model without effects. One
+    column shows at a third of the squares that a family of 30 columns needs."""
 
     @property
     def structured(self) -> bool:
@@ -90,7 +96,8 @@ class ScoreTest:
     @property
     def left(self) -> float:
         """Return the whitened squares that are no noise, as far as anything sees them."""
-        return max(self.surplus, *(a.gain - a.dof for a in self.answers.values()))
+        asked = (*self.answers.values(), *self.of_effects.values())
+        return max(self.surplus, *(a.gain - a.dof for a in asked))
 
     @property
     def strongest(self) -> Explained:
@@ -103,8 +110,9 @@ class ScoreTest:
         What these and a family explain together is no less than the family alone: so the family
         explains, on top of them, at most ``won`` squares less.
         """
-        strongest = self.strongest
-        p = p_of(max(0.0, strongest.gain - won), strongest.dof) * len(self.answers)
+        asked = (*self.answers.values(), *self.of_effects.values())
+        clearest = min(asked, key=lambda one: one.p_value)
+        p = p_of(max(0.0, clearest.gain - won), clearest.dof) * len(asked)
         return p < CRITERIA.false_alarm_rate
 
 
@@ -115,8 +123,10 @@ def check_residual(problem: JointProblem, fitted: joint.Fitted) -> tuple[Lineari
     nor is what masses, radii and heights explain that differ from their statements by what these
     allow: such an answer is that of the fit in which they are uncertain.
     """
-    linearised = linearise(problem, fitted, inexact=discrepancy(problem, fitted))
-    found = run_score_test(linearised)
+    # beside another effect, whose law may be wrong, a direction is no evidence of one more
+    tried = [] if problem.model.effects else effects_of_one_number(problem)
+    linearised = linearise(problem, fitted, tried, inexact=discrepancy(problem, fitted))
+    found = run_score_test(linearised, tried)
     if not found.structured or joint.is_hopeless(problem, fitted.cost):
         return linearised, found
     free = fitted_with_stated_numbers(problem, fitted, needless=found.is_more_than)
@@ -125,8 +135,8 @@ def check_residual(problem: JointProblem, fitted: joint.Fitted) -> tuple[Lineari
     won = fitted.cost - free[1].cost
     if free[1].converged and found.is_more_than(won):
         return linearised, found
-    again = linearise(*free, inexact=discrepancy(*free))
-    freed = run_score_test(again)
+    again = linearise(*free, tried, inexact=discrepancy(*free))
+    freed = run_score_test(again, tried)
     if not freed.structured:
         return again, freed
     # the columns are those of the fit, which takes statements as exact; the chance allows for them
@@ -154,8 +164,8 @@ def has_clear_surplus(linearised: Linearised) -> bool:
     return p_of_surplus * (len(ASKED) + 1) < CRITERIA.false_alarm_rate
 
 
-def run_score_test(linearised: Linearised) -> ScoreTest:
-    """Return whether a fit's residual has structure.
+def run_score_test(linearised: Linearised, tried: Sequence[Proposal] = ()) -> ScoreTest:
+    """Return whether a fit's residual has structure, asking all families and some effects.
 
     Bonferroni's correction is an upper bound. Where it calls a residual structured already, it
     stands; else the chance is asked of noise that is drawn.
@@ -166,12 +176,15 @@ def run_score_test(linearised: Linearised) -> ScoreTest:
     if wander.p_value < CRITERIA.false_alarm_rate:
         p = max(wander.p_value, p_of_wander(linearised))
         answers[WANDER] = dataclasses.replace(wander, p_value=p)
+    parts = [(one.key, scope) for one in tried for scope in scopes_of(one.effect)]
+    of_effects = {part: linearised.explain(*part, heldout=False) for part in parts}
     surplus, p_of_surplus = _surplus(linearised)
-    least = min(a.p_value for a in answers.values())
-    p = min(p_of_surplus, least) * len(answers)
+    every = answers | of_effects
+    least = min(a.p_value for a in every.values())
+    p = min(p_of_surplus, least) * len(every)
     if not p < CRITERIA.false_alarm_rate:
-        p = family_wise(least, linearised, asked)
-    return ScoreTest(p, answers, surplus)
+        p = family_wise(least, linearised, tuple(every))
+    return ScoreTest(p, answers, surplus, of_effects)
 
 
 def chance_of(samples: int) -> float:
@@ -203,8 +216,8 @@ def family_wise(p_value: float, linearised: Linearised, parts: Sequence[Part]) -
 
     .. math:: p = 1 - (1 - p_{min})^m
 
-    of m independent tests; m is the one most likely to give the smallest p-values of noise that was
-    drawn. Uniform between 0 and 1 where there is only noise. Source: F. Dudbridge and B. P. C.
+    of m independent tests; m is fitted to the lower decile of the smallest p-values of drawn noise.
+    Uniform between 0 and 1 where there is only noise. Source: F. Dudbridge and B. P. C.
     Koeleman, Am. J. Hum. Genet. 75 (2004) 424.
     """
     return float(-np.expm1(independent_tests(linearised, parts) * np.log1p(-p_value)))
@@ -214,7 +227,8 @@ def independent_tests(linearised: Linearised, parts: Sequence[Part]) -> float:
     """Return how many independent tests some overlapping ones amount to, from 1 to their number."""
     scores = _drawn_scores(linearised)
     least = np.min([_p_values(linearised, scores, part) for part in parts], axis=0)
-    found = 1.0 / float(np.mean(-np.log1p(-np.minimum(least, 1.0 - 1e-12))))
+    decile = min(float(np.quantile(least, TAIL)), 1.0 - 1e-12)  # of tests that see nothing it is 1
+    found = math.log1p(-TAIL) / math.log1p(-decile)
     return min(max(found, 1.0), float(len(parts)))
 
 
@@ -272,7 +286,7 @@ def _p_values(linearised: Linearised, scores: list[Array], part: Part) -> Array:
 def p_of_wander(linearised: Linearised) -> float:
     """Return how likely baselines move as they do by slow noise that may be there unseen.
 
-    For the 1/f part that suits best among those which the quiet stretches allow. The squares of N
+    For the slow part that suits best among those which the quiet stretches allow. The squares of N
     shots along an order, over what is expected, are chi-square over N; of the ratios' deviance,
     N sum(r - 1 - ln r), the smallest over all allowed corners is compared with chi-square of as
     many degrees of freedom as there are orders, which is on the safe side. Validation: baselines
@@ -289,14 +303,14 @@ def p_of_wander(linearised: Linearised) -> float:
 def _deviance(shots: list[LinearisedShot], at: list[int]) -> float:
     """Return the smallest deviance of one instrument's baselines over all allowed corners."""
     by_order = np.array([_by_order(shot, at) for shot in shots])
-    slow = np.array([_slow_powers(shot.item.window.signal.size) for shot in shots])
     noise = shots[0].item.noise
+    slow = np.array([_slow_powers(shot.item.window.signal.size, noise.slope) for shot in shots])
     # from none to the largest corner that is allowed [1/sample]
     largest = FURTHEST_CORNER if noise.corner_below is None else noise.corner_below
     corners = np.geomspace(LEAST_CORNER, max(largest, LEAST_CORNER), CORNERS_TRIED)
     least = np.inf
     for corner in np.append(0.0, corners):
-        expected = (1.0 + corner * slow) / (1.0 + noise.corner * slow)
+        expected = (1.0 + corner**noise.slope * slow) / (1.0 + noise.corner**noise.slope * slow)
         ratio = np.maximum(np.mean(by_order / expected, axis=0), 1e-300)
         least = min(least, len(shots) * float(np.sum(ratio - 1.0 - np.log(ratio))))
     return least
@@ -313,6 +327,7 @@ def _by_order(shot: LinearisedShot, at: list[int]) -> Array:
 
 
 @lru_cache(maxsize=256)
-def _slow_powers(samples: int) -> Array:
-    """Return how much noise of density 1/f moves each order of a baseline. Shape (q,)."""
-    return slow_powers(drift_basis(samples, max(BASELINE_ORDERS))[:, list(BASELINE_ORDERS)])
+def _slow_powers(samples: int, slope: int) -> Array:
+    """Return how much noise of density 1/f^slope moves each order of a baseline. Shape (q,)."""
+    orders = drift_basis(samples, max(BASELINE_ORDERS))[:, list(BASELINE_ORDERS)]
+    return slow_powers(orders, slope)

@@ -85,6 +85,23 @@ def no_effect_explains_part(start: Selection, usual: joint.Fitted, progress: Wat
     return True
 
 
+def best_on_part(start: Selection, usual: joint.Fitted, progress: Watch) -> tuple[bool, float]:
+    """Return whether the best effect leaves noise of a part of the shots, and -2 ln Z with it.
+
+    All shots are asked of a campaign that has few. -2 ln Z is up to a constant of the shots.
+    """
+    places = thinned(start.last.problem, MORE)
+    begin, place = _begin_on_part(start, places), _usual_of(usual, places)
+    if begin is None:
+        begin, place = start, usual
+    try_effects(begin.last, place, progress)
+    best = useful(begin.last)[:1]
+    if not best:
+        return False, begin.last.fitted.cost
+    after = begin.on(best[0])
+    return after.adequate, after.last.fitted.cost + best[0].gain - best[0].score()
+
+
 def left_open_on_part(selection: Selection, progress: Watch) -> OpenNames | None:
     """Return the names that a part of the shots cannot tell from those of a selection on all.
 

@@ -103,8 +103,8 @@ class Step:
 
     @property
     def impossible(self) -> bool:
-        """Whether one of its numbers is outside what it can be."""
-        return bool(out_of_range(self.problem, self.fitted))
+        """Whether there is no fit, or one of its numbers is outside what it can be."""
+        return self.fitted.failed or bool(out_of_range(self.problem, self.fitted))
 
 
 @dataclass

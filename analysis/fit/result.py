@@ -229,13 +229,20 @@ class FitResult:
     def contradictions(self) -> list[str]:
         """Return who contradicts whom in words, and which moduli do not rest on it."""
         said = [c.sentence for c in self.conflicts]
-        if said and self.explained_by_a_statement:
+        if not said:
+            return []
+        them = "it" if len(said) == 1 else "them"
+        if self.explained_by_a_statement:
+            said.append(f"Without {them} the model leaves only noise.")
+        elif self.misfit > 1:
+            # data snooping takes the model for right: the list is what a missing effect bends
+            others = ", ".join(c.path for c in self.conflicts[1:])
+            said[1:] = [f"The shots also contradict {others}."] if others else []
             said.append(
-                "Without it the model leaves only noise."
-                if len(said) == 1
-                else "Without them the model leaves only noise."
+                f"Without {them} the model leaves more than noise too: it misses something else, "
+                "which may be the reason. A diagnosis may find it."
             )
-        return said + (statements.rests(self.moduli()) if said else [])
+        return said + statements.rests(self.moduli())
 
     def budget(self) -> Json | None:
         """Return ``impactd-budget/1`` of every modulus; None where none is stated."""
@@ -341,6 +348,7 @@ def _noise_json(item: FitShot) -> Json:
         "innovation_rms": noise.innovation_rms,
         "ar_coefficients": (noise.coefficients if noise.short is None else noise.short).tolist(),
         "one_over_f_below_Hz": noise.corner * item.frame.sample_rate_hz if noise.corner else None,
+        "one_over_f_power": noise.slope if noise.corner else None,
         "converter_step": None if noise.coarse is None else noise.coarse.step,
         "samples": noise.samples,
         "source": noise.source,

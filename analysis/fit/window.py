@@ -35,11 +35,15 @@ _FEWEST_QUIET = 32
 _NOISE_MULTIPLE = 8.0
 """Thousands of samples of noise alone reach 4.5 times their standard deviation, never this."""
 _PIECES = 8
+_LEAST_IN_PIECES = _PIECES * _QUIET_SAMPLES
 _PRECURSOR = 4.0
 """Times as loud as the loudest of the first half that the last piece must be. Derived: slow hum is
 a parabola over the stretch, whose last eighth is at most 3.7 times as steep."""
 _BEGUN = 1.2
 """Times as loud, from which it has begun where it is there at all: rather too early than late."""
+_RUNG_OUT = 3
+"""Pieces that must be alike. Derived: over three a ring falls by 1/1.2 unless it takes more than
+1.4 times the whole stretch to fall to 1/e."""
 _REPEATED = 3
 """Records in which it must be: in the median of fewer, chance is not told from a precursor."""
 _SWING, _SWING_NOISE, _REACH = 0.25, 5.0, 2
@@ -248,7 +252,8 @@ def _step(shots: list[Shot], quiet: list[NDArray[np.float64]]) -> float | None:
 def campaign_noise(shots: list[Shot]) -> NoiseModel:
     """Return one noise model for shots of one instrument, at least one.
 
-    It is made from the pre-trigger parts, else from differences (and then it says so).
+    It is made from the pre-trigger parts; else from the ends, where all has rung out; else from
+    differences (and then it says so).
     """
     quiet = [quiet_part(s) for s in shots]
     calm = calm_share(quiet)
@@ -261,9 +266,42 @@ def campaign_noise(shots: list[Shot]) -> NoiseModel:
         quantum=_step(shots, quiet),
         sample_rate_hz=shots[0].sample_rate_hz,
     )
+    if found is not None:
+        return replace(found, calm_share=calm)
+    ends = quiet_ends(shots)
+    found = estimate_noise(ends, quantum=_step(shots, ends), sample_rate_hz=shots[0].sample_rate_hz)
     if found is None:
         return noise_from_differences([s.signal for s in shots])
-    return replace(found, calm_share=calm)
+    return replace(found, source="end")
+
+
+def quiet_ends(shots: Sequence[Shot]) -> list[NDArray[np.float64]]:
+    """Return of each window what is after the ringing, less a parabola; empty where it rings on.
+
+    In eighths of what follows the pulse, from the last one on: those as loud as that within
+    `_BEGUN`, and at least `_RUNG_OUT`.
+    """
+    after = []
+    for shot in shots:
+        window = cut(shot)
+        fall = window.rise_index + round(window.width_s * shot.sample_rate_hz)
+        after.append(window.signal[fall:])
+    loud = _loudness(after, drift=2)
+    last = loud[-1:]
+    begun = max((k + 1 for k, one in enumerate(loud) if one > _BEGUN * last[0]), default=0)
+    if len(loud) - begun < _RUNG_OUT:
+        return [x[:0] for x in after]
+    return [without_drift(x[begun * x.size // _PIECES :], 2) for x in after]
+
+
+def _loudness(stretches: Sequence[NDArray[np.float64]], *, drift: int) -> list[float]:
+    """Return the standard deviation in each eighth of stretches, the median of all long enough.
+
+    Beyond a polynomial of degree ``drift``. Empty where none is long enough.
+    """
+    pieces = [np.array_split(x, _PIECES) for x in stretches if x.size >= _LEAST_IN_PIECES]
+    each = [[float(np.std(without_drift(one, drift))) for one in parts] for parts in pieces]
+    return [float(one) for one in np.median(each, axis=0)] if each else []
 
 
 def calm_share(quiet: Sequence[NDArray[np.float64]]) -> float:
@@ -275,10 +313,9 @@ def calm_share(quiet: Sequence[NDArray[np.float64]]) -> float:
     noise are as loud at the end as before. Validation: the quiet start of recordings with a
     precursor, in ``tests/analysis/fit/test_window.py``.
     """
-    pieces = [np.array_split(q, _PIECES) for q in quiet if q.size >= _QUIET_SAMPLES * _PIECES]
-    if len(pieces) < _REPEATED:
+    if sum(q.size >= _LEAST_IN_PIECES for q in quiet) < _REPEATED:
         return 1.0
-    loud = [float(np.median([np.std(p[k]) for p in pieces])) for k in range(_PIECES)]
+    loud = _loudness(quiet, drift=0)
     usual = max(loud[: _PIECES // 2])
     if usual == 0.0 or loud[-1] <= _PRECURSOR * usual:
         return 1.0

@@ -13,7 +13,7 @@ from analysis.aliases import Json
 from analysis.campaign import Campaign, Quantity
 from analysis.errors import AnalysisError
 from analysis.plots.style import AFTER, INK, SOFT, WIDE, styled
-from analysis.written_numbers import K_95
+from analysis.written_numbers import K_95, counted
 
 _MARKS = {"fitted": "o", "reference": "s", "withheld": "X"}
 
@@ -101,7 +101,7 @@ def _network(axes: Axes, pairs: Mapping[tuple[str, str], Json], moduli: Json) ->
             )
             if pair:
                 value = _said(pair["reduced_modulus_Pa"]).replace(" ±", "\n±")
-                said = f"{value}\n{pair['shots']} shots"
+                said = f"{value}\n{counted(pair['shots'], 'shot')}"
                 axes.text(x, y, said, ha="center", va="center", fontsize=6.5, linespacing=1.3)
     axes.set_xlim(-0.5, len(surfaces) - 0.5)
     axes.set_ylim(len(spheres) - 0.5, -0.5)

@@ -25,7 +25,7 @@ from analysis.plots.style import (
     shown,
     styled,
 )
-from analysis.written_numbers import K_95
+from analysis.written_numbers import K_95, counted
 
 BEFORE_SHARE, AFTER_SHARE = 0.7, 7.0
 """What is drawn before and after touch-down, in contact times."""
@@ -75,7 +75,11 @@ def _why(fits: tuple[FitResult, ...]) -> str:
         return "No fit was given."
     names = [one.item.shot.name for one in fits[-1].shots]
     few = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
-    return f"The fit has {len(names)} shots: {few}." if names else "No shot could be fitted."
+    return (
+        f"The fit has {counted(len(names), 'shot')}: {few}."
+        if names
+        else "No shot could be fitted."
+    )
 
 
 def _shot_of(fit: FitResult, wanted: int | str) -> ShotFit | None:

@@ -28,7 +28,7 @@ class BusyError(RequestRefusedError):
             if number
             else (f"{owner} has reserved the rig")
         )
-        super().__init__(f"The rig is busy: {what}. Wait until it ends, or abort it.")
+        super().__init__(f"The rig is busy: {what}.")
 
 
 class RequestAbortedError(RequestRefusedError):

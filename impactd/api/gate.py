@@ -24,8 +24,8 @@ MAX_BODY_BYTES = 64 * 1024
 MAX_UPLOAD_BYTES = 32 * 1024 * 1024
 """Of a recording. Derived: 1.3 s at 1 MHz as text of two columns and seven digits have 27 MiB."""
 UPLOAD_TYPE = "application/octet-stream"
-_UPLOADS = re.compile(r"/v1/recordings/[^/]+/files/[^/]+")
-"""Where a `PUT` brings a file as it is; no form of another site can send one."""
+_UPLOADS = re.compile(r"/v1/recordings/[^/]+/(files/[^/]+|drops)")
+"""Where a `PUT` brings a file as it is; no form of another site can send `UPLOAD_TYPE`."""
 _METHODS_WITH_BODY = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 _SECURITY_HEADERS = {
     "x-content-type-options": "nosniff",
@@ -128,7 +128,8 @@ class Gate:
         has_body = int(length) > 0 or "transfer-encoding" in headers
         if has_body and scope["method"] in _METHODS_WITH_BODY:
             kind = headers.get("content-type", "").partition(";")[0].strip().lower()
-            if kind != "application/json" and not (_is_upload(scope) and kind == UPLOAD_TYPE):
+            # of another method than PUT the router says that there is none
+            if kind != "application/json" and not (_takes_files(scope) and kind == UPLOAD_TYPE):
                 raise ProblemError(
                     "media-type",
                     f"The body has the content type {kind or '(none)'!r}.",
@@ -154,7 +155,11 @@ class Gate:
 
 
 def _is_upload(scope: Scope) -> bool:
-    return scope["method"] == "PUT" and _UPLOADS.fullmatch(scope["path"]) is not None
+    return scope["method"] == "PUT" and _takes_files(scope)
+
+
+def _takes_files(scope: Scope) -> bool:
+    return _UPLOADS.fullmatch(scope["path"]) is not None
 
 
 def _too_large(size: int, most_bytes: int) -> ProblemError:

@@ -91,7 +91,7 @@ _TYPES = (
         "The resource does not know this method",
         "Use one of the methods in the `Allow` header.",
     ),
-    ProblemType("busy", 409, "The rig is busy", "Wait for the drop that is running, or abort it."),
+    ProblemType("busy", 409, "The rig is busy", "Wait until it ends, or abort it."),
     ProblemType(
         "not-ready",
         409,

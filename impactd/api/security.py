@@ -83,6 +83,8 @@ ROUTE_SCOPES: dict[tuple[str, str], Scope | str] = {
     ("GET", "/v1/recordings"): Scope.READ,
     ("GET", "/v1/recordings/{name}"): Scope.READ,
     ("PUT", "/v1/recordings/{name}/files/{file}"): Scope.OPERATE,
+    ("PUT", "/v1/recordings/{name}/drops"): Scope.OPERATE,
+    ("DELETE", "/v1/recordings/{name}"): Scope.OPERATE,
     ("POST", "/v1/recordings/{name}/reading"): Scope.OPERATE,
     ("GET", "/v1/recordings/{name}/picture.png"): Scope.READ,
     ("POST", "/v1/recordings/{name}/diagnoses"): Scope.OPERATE,

@@ -24,6 +24,7 @@ from impactd.storage.errors import (
     CorruptShotError,
     DropStateError,
     IdempotencyConflictError,
+    InUseError,
     NotFoundError,
     StorageFullError,
 )
@@ -93,6 +94,7 @@ TRANSLATIONS: dict[type[Exception], Translate] = {
     StorageFullError: _full,
     CorruptShotError: _said("damaged"),
     DropStateError: _said("conflict"),
+    InUseError: _said("conflict"),
     IdempotencyConflictError: _conflict,
     CampaignError: _plain("invalid"),
     RecordingError: _recordings,

@@ -17,6 +17,7 @@ from typing import Any
 import anyio
 
 from impactd.aliases import Json
+from impactd.bridges.other_end import OtherEnd, Say
 from impactd.bridges.place import Place
 from impactd.bridges.webhook import FIRST_PAUSE_S, LONGEST_PAUSE_S
 from impactd.client.async_rig import AsyncRig
@@ -97,6 +98,7 @@ async def carry(
     rig: AsyncRig,
     catalogue: Catalogue,
     place: Place,
+    say: Say,
     *,
     sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
 ) -> None:
@@ -107,6 +109,8 @@ async def carry(
     place : Place
         Behind which event it begins; without one every stored shot is registered first. It moves on
         when the catalogue has taken what the event is about.
+    say : callable
+        Takes a sentence when the catalogue or the daemon is away, and when it is back.
     sleep : callable, optional
         Waits between attempts.
 
@@ -125,17 +129,23 @@ async def carry(
         import tiled.client  # noqa: F401, PLC0415 - an extra
     except ImportError as error:
         raise RigError("this needs tiled: pip install 'impactd[bridges]'.") from error
+    there = OtherEnd(f"The catalogue {catalogue.url}", say)
+    daemon = OtherEnd("The daemon", say)
     while True:
         try:
-            await _session(rig, catalogue, place, sleep)
-        except (LostError, UnreachableError):
-            await sleep(FIRST_PAUSE_S)  # the daemon comes back
+            await rig.status()
+            daemon.is_there()
+            await _session(rig, catalogue, place, there, sleep)
+        except (LostError, UnreachableError) as error:
+            daemon.is_away(error)
+            await sleep(FIRST_PAUSE_S)  # it comes back
 
 
 async def _session(
     rig: AsyncRig,
     catalogue: Catalogue,
     place: Place,
+    there: OtherEnd,
     sleep: Callable[[float], Awaitable[None]],
 ) -> None:
     async def register(shot: Shot) -> None:
@@ -146,10 +156,12 @@ async def _session(
         while True:
             try:
                 await anyio.to_thread.run_sync(catalogue.register, shot, file)
-            except httpx.HTTPError:
+            except httpx.HTTPError as error:
+                there.is_away(error)
                 await sleep(pause_s)
                 pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
             else:
+                there.is_there()
                 return
 
     async def register_all() -> None:

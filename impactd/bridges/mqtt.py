@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from impactd.bridges.message import event_json, status_json
+from impactd.bridges.other_end import OtherEnd, Say
 from impactd.bridges.place import Place
 from impactd.client.async_rig import AsyncRig
 from impactd.client.errors import LostError, RigError, UnreachableError
@@ -60,7 +61,7 @@ class Broker:
     tls: bool = False
 
 
-async def carry(rig: AsyncRig, broker: Broker, place: Place) -> None:
+async def carry(rig: AsyncRig, broker: Broker, place: Place, say: Say) -> None:
     """Carry events and the light to a broker until cancelled; a lost line is taken up again.
 
     Parameters
@@ -68,6 +69,8 @@ async def carry(rig: AsyncRig, broker: Broker, place: Place) -> None:
     place : Place
         Behind which event it begins. An event may arrive twice after a crash, with one id; none
         is left out.
+    say : callable
+        Takes a sentence when the broker or the daemon is away, and when it is back.
 
     Raises
     ------
@@ -79,6 +82,8 @@ async def carry(rig: AsyncRig, broker: Broker, place: Place) -> None:
     except ImportError as error:
         raise RigError("this needs aiomqtt: pip install 'impactd[bridges]'.") from error
     will = aiomqtt.Will(f"{broker.topic}/online", b"false", qos=1, retain=True)
+    there = OtherEnd(f"The MQTT broker {broker.host}:{broker.port}", say)
+    daemon = OtherEnd("The daemon", say)
     while True:
         try:
             async with aiomqtt.Client(
@@ -91,16 +96,22 @@ async def carry(rig: AsyncRig, broker: Broker, place: Place) -> None:
                 will=will,
             ) as client:
                 await client.publish(f"{broker.topic}/online", b"true", qos=1, retain=True)
-                await _session(rig, client, broker.topic, place)
-        except* (aiomqtt.MqttError, LostError, UnreachableError):
-            pass  # broker or daemon is away; both come back
+                there.is_there()
+                await _session(rig, client, broker.topic, place, daemon)
+        # both come back
+        except* aiomqtt.MqttError as group:
+            there.is_away(group)
+        except* (LostError, UnreachableError) as group:
+            daemon.is_away(group)
         await asyncio.sleep(AGAIN_AFTER_S)
 
 
-async def _session(rig: AsyncRig, client: aiomqtt.Client, topic: str, place: Place) -> None:
+async def _session(
+    rig: AsyncRig, client: aiomqtt.Client, topic: str, place: Place, daemon: OtherEnd
+) -> None:
     changed = asyncio.Event()
     async with asyncio.TaskGroup() as group:
-        group.create_task(_tell_light(rig, client, topic, changed))
+        group.create_task(_tell_light(rig, client, topic, changed, daemon))
         async for event in rig.events(place.last):
             await client.publish(
                 event_topic(topic, event), event_json(event), qos=_EXACTLY_ONE_ACK,
@@ -111,12 +122,17 @@ async def _session(rig: AsyncRig, client: aiomqtt.Client, topic: str, place: Pla
 
 
 async def _tell_light(
-    rig: AsyncRig, client: aiomqtt.Client, topic: str, changed: asyncio.Event
+    rig: AsyncRig,
+    client: aiomqtt.Client,
+    topic: str,
+    changed: asyncio.Event,
+    daemon: OtherEnd,
 ) -> None:
     told = b""
     while True:
         changed.clear()
         light = status_json(await rig.status())
+        daemon.is_there()
         if light != told:
             await client.publish(f"{topic}/status", light, qos=_EXACTLY_ONE_ACK, retain=True)
             told = light

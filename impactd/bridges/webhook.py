@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import httpx2
 
 from impactd.bridges.message import event_json
+from impactd.bridges.other_end import OtherEnd, Say
 from impactd.bridges.place import Place
 from impactd.client.async_rig import AsyncRig
 from impactd.client.errors import RigError
@@ -87,6 +88,7 @@ async def carry(
     rig: AsyncRig,
     receiver: Receiver,
     place: Place,
+    say: Say,
     *,
     sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
 ) -> None:
@@ -96,6 +98,8 @@ async def carry(
     ----------
     place : Place
         Behind which event it begins; it moves on when the receiver has answered with 2xx.
+    say : callable
+        Takes a sentence when the receiver does not take an event, and when it takes one again.
     sleep : callable, optional
         Waits between attempts.
 
@@ -104,21 +108,27 @@ async def carry(
     An event that is refused, or that nobody takes, is sent again after 1, 2, 4, ... 300 seconds,
     and those behind it wait: the daemon keeps them. ``webhook-id`` stays the same.
     """
+    there = OtherEnd(f"The receiver {receiver.url}", say)
     async with httpx2.AsyncClient(timeout=TIMEOUT_S, trust_env=False) as http:
         async for event in rig.events(place.last):
             if not receiver.kinds or event.kind.startswith(receiver.kinds):
                 body, name = event_json(event), f"event-{event.id}"
                 pause_s = FIRST_PAUSE_S
-                while not await _taken(http, receiver, name, body):
+                while why := await _refused(http, receiver, name, body):
+                    there.is_away(why)
                     await sleep(pause_s)
                     pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
+                there.is_there()
             place.arrived(event.id)
 
 
-async def _taken(http: httpx2.AsyncClient, receiver: Receiver, name: str, body: bytes) -> bool:
+async def _refused(
+    http: httpx2.AsyncClient, receiver: Receiver, name: str, body: bytes
+) -> str | httpx2.TransportError | None:
+    """Send an event; return why it was not taken, None if it was."""
     headers = signed_headers(receiver.key, name, body, int(time.time()))
     try:
         answer = await http.post(receiver.url, content=body, headers=headers)
-    except httpx2.TransportError:
-        return False
-    return answer.is_success
+    except httpx2.TransportError as error:
+        return error
+    return None if answer.is_success else f"it answered {name} with {answer.status_code}"

@@ -20,6 +20,7 @@ from typing import Any
 
 import structlog
 
+from analysis.written_numbers import counted
 from impactd.acquisition.errors import (
     CalibrationRefusedError,
     NotReadyError,
@@ -134,7 +135,8 @@ class CalibrationRunner:
                     "interrupted",
                     "Calibration interrupted",
                     500,
-                    f"The daemon ended after {len(run.drops)} drops of calibration {run.number}.",
+                    f"The daemon ended after {counted(len(run.drops), 'drop')} of calibration "
+                    f"{run.number}.",
                     "Request a new calibration; its slot stays used.",
                 )
                 ended.append(self._archive.calibrations.fail(run.number, problem))
@@ -183,7 +185,7 @@ class CalibrationRunner:
         ]
         if not 0 < len(drops) <= _MOST_DROPS:
             raise CalibrationRefusedError(
-                f"The plan has {len(drops)} drops; a run has 1 to {_MOST_DROPS}.",
+                f"The plan has {counted(len(drops), 'drop')}; a run has 1 to {_MOST_DROPS}.",
                 "Fill in [[calibration.plan]] in the settings, or send a plan.",
             )
         self._check_materials(drops, self._service.materials)

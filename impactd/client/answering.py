@@ -64,8 +64,8 @@ def lost_lines_named(url: str) -> Iterator[None]:
         yield
     except (httpx2.ConnectError, httpx2.ConnectTimeout, httpx2.UnsupportedProtocol) as error:
         raise UnreachableError(
-            f"no daemon answers at {url}; start one with `impactd serve`, or give its address "
-            "with --url or IMPACTD_URL."
+            f"no daemon answers at {url}; wait if it is only starting, start one with `impactd "
+            "serve`, or give its address with --url or IMPACTD_URL."
         ) from error
     except httpx2.TimeoutException as error:
         raise LostError(f"the daemon at {url} did not answer in time.") from error

@@ -32,6 +32,7 @@ from impactd.console.options import (
     SignWith,
     Upper,
     Url,
+    written,
 )
 
 
@@ -154,6 +155,11 @@ def budget(  # noqa: PLR0917 - typer reads options from the parameters
     from impactd.console import budgets
     from impactd.console.decisions import Asked
 
+    if str(campaign).isdigit():
+        raise typer.BadParameter(
+            "a budget is of a campaign.json; `impactd moduli --budget` has that of stored shots"
+        )
+
     asked = Asked(lower, upper, rule, guard, of, specimen)
     budgets.budget(
         campaign,
@@ -198,11 +204,22 @@ def diagnose(  # noqa: PLR0917 - typer reads options from the parameters
     ] = None,
     json_out: JsonOut = None,
     report: Annotated[
-        Path | None, typer.Option("--report", metavar="OUT.html", help="Write the report here.")
+        Path | None,
+        typer.Option(
+            "--report",
+            metavar="OUT.html",
+            help="Write the report here.",
+            callback=written(".html"),
+        ),
     ] = None,
     pdf: Annotated[
         Path | None,
-        typer.Option("--pdf", metavar="OUT.pdf", help="Write the result on one page for the file."),
+        typer.Option(
+            "--pdf",
+            metavar="OUT.pdf",
+            help="Write the result on one page for the file.",
+            callback=written(".pdf"),
+        ),
     ] = None,
     csv_out: Csv = None,
     url: Url = None,
@@ -254,11 +271,9 @@ def effects(as_json: Json = False) -> None:
             effect["id"],
             effect["slot"],
             effect["title"],
-            ", ".join(f"{one['name']} ({one['belongs_to']})" for one in effect["parameters"])
-            or f"{effect['free_sizes_per_shot']} free sizes per shot",
             effect["tell_tale"],
         )
         for effect in found
     ]
-    print(table(("id", "slot", "what a real rig does", "numbers (owner)", "how it shows"), rows))
-    print(f"\n{len(found)} effects; --json has units, bounds, sources and validation too.")
+    print(table(("id", "slot", "what a real rig does", "how it shows"), rows))
+    print(f"\n{len(found)} effects; --json has their numbers, bounds, sources and validation too.")

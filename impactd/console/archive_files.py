@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from analysis.written_numbers import counted
 from impactd.console.failure import Failure
 from impactd.console.options import open_archive, settings_of
 from impactd.console.progress_bar import progress
@@ -42,7 +43,7 @@ def import_campaign(
         print_json(asdict(report))
     else:
         if report.numbers:
-            print(f"Imported {len(report.numbers)} shots: {_ranges(report.numbers)}.")
+            print(f"Imported {counted(len(report.numbers), 'shot')}: {_ranges(report.numbers)}.")
         if report.already:
             print(f"Already here: {_ranges(report.already)}.")
         for item in report.rejected:
@@ -82,7 +83,7 @@ def export(
     config, data : Path or None
         As given on the command line.
     """
-    with open_archive(config, data) as archive:
+    with open_archive(config, data, existing=True) as archive:
         if form == "campaign":
             files = [str(_campaign(archive, numbers, out, settings_of(config, data)))]
         else:
@@ -117,7 +118,7 @@ def verify(*, config: Path | None, data: Path | None, as_json: bool) -> None:
         If anything is wrong.
     """
     found = []
-    with open_archive(config, data) as archive:
+    with open_archive(config, data, existing=True) as archive:
         for finding in archive.verify():
             found.append(finding)
             progress(f"{len(found)} looked at: {finding.subject}")
@@ -154,8 +155,9 @@ def reindex(*, config: Path | None, data: Path | None, as_json: bool) -> None:
         print_json(asdict(report))
     else:
         print(
-            f"The index holds {report.shots} shots and {report.drops} drops again; "
-            f"the next number is {report.last_number + 1}."
+            f"The index holds {counted(report.shots, 'shot')} and "
+            f"{counted(report.drops, 'drop')} again; the "
+            f"next number is {report.last_number + 1}."
         )
         taken = report.kept["calibration files"], report.kept["diagnosis files"]
         if any(taken):

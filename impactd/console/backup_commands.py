@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from analysis.written_numbers import counted
 from impactd.console.options import Config, Data, Json, settings_of
 
 
@@ -60,8 +61,8 @@ def restore(
         print_json(dataclasses.asdict(report))
     else:
         print(
-            f"{directory} holds {report.shots} shots and {report.drops} drops; the next number is "
-            f"{report.last_number + 1}."
+            f"{directory} holds {counted(report.shots, 'shot')} and "
+            f"{counted(report.drops, 'drop')}; the next number is {report.last_number + 1}."
         )
         for line in (*report.damaged, *report.lost):
             print(line)

@@ -55,7 +55,7 @@ def mqtt(  # noqa: PLR0917 - the framework fills them by name
         """Carry."""
         at = topic or topic_of((await rig.connection.run(talk.get("/v1/rig")))["name"])
         number = port or (8883 if tls else 1883)
-        await carry(rig, Broker(broker, number, at, username, password, tls), Place(state))
+        await carry(rig, Broker(broker, number, at, username, password, tls), Place(state), _say)
 
     _run(work, url)
 
@@ -79,7 +79,7 @@ def webhook(
 
     told = Receiver(receiver, read_secret(secret_file.read_text("utf-8")), tuple(kind or ()))
     place = Place(state)
-    _run(lambda rig: carry(rig, told, place), url)
+    _run(lambda rig: carry(rig, told, place, _say), url)
 
 
 @app.command()
@@ -107,7 +107,7 @@ def tiled(
     async def work(rig: AsyncRig) -> None:
         """Carry."""
         called = name or (await rig.connection.run(talk.get("/v1/rig")))["name"]
-        await carry(rig, Catalogue(catalogue, api_key, called), Place(state))
+        await carry(rig, Catalogue(catalogue, api_key, called), Place(state), _say)
 
     _run(work, url)
 
@@ -129,9 +129,14 @@ def opcua(
     _run(lambda rig: serve(rig, endpoint), url)
 
 
+def _say(sentence: str) -> None:
+    typer.echo(sentence, err=True)
+
+
 def _run(work: Callable[[AsyncRig], Awaitable[None]], url: str | None) -> None:
     import asyncio
 
+    from impactd.bridges.other_end import first_error
     from impactd.client.async_rig import AsyncRig
 
     async def with_rig() -> None:
@@ -142,7 +147,4 @@ def _run(work: Callable[[AsyncRig], Awaitable[None]], url: str | None) -> None:
     try:
         asyncio.run(with_rig())
     except BaseExceptionGroup as group:
-        first: BaseException = group
-        while isinstance(first, BaseExceptionGroup):
-            first = first.exceptions[0]
-        raise first from None  # a person reads one sentence
+        raise first_error(group) from None  # a person reads one sentence

@@ -18,7 +18,7 @@ from impactd.console.client import connect
 from impactd.console.decisions import MEASURANDS, Asked
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
-from impactd.console.tables import print_json, table
+from impactd.console.tables import print_json, table, wrapped
 
 if TYPE_CHECKING:
     from impactd.reports.pdf_signature import Signatory
@@ -45,8 +45,6 @@ class Report:
         reason: str,
     ) -> Report:
         """Return it; refuse what cannot be written or signed before anything is computed."""
-        if file is not None and file.suffix.lower() not in (".html", ".pdf"):
-            raise Failure(f"{file} ends in neither .html nor .pdf; a report is one of these.")
         if key is None:
             return cls(file, None)
         if file is None or file.suffix.lower() != ".pdf":
@@ -187,7 +185,8 @@ def of_the_archive(
     if as_json:
         print_json(document)
     if not document["moduli"]:
-        raise Failure(" ".join(["No modulus is stated.", *document["warnings"]]))
+        of = f" of {asked.specimen}" if asked.specimen else ""
+        raise Failure(f"No modulus{of} is stated, so there is no budget; see `impactd moduli`.")
     names = list(document["moduli"]) if asked.specimen else shown(document, None)
     written.write(document, names, asked)
     if not as_json:
@@ -236,8 +235,8 @@ def report(document: Json, names: list[str]) -> str:
     for key, words in (("monte_carlo", "draws"), ("refits", "whole fits")):
         if key in document:
             parts.append(_compared(document[key], words, names))
-    parts += document.get("assumptions") or []
-    parts += document.get("warnings") or []
+    parts += map(wrapped, document.get("assumptions") or [])
+    parts += map(wrapped, document.get("warnings") or [])
     return "\n\n".join(parts)
 
 
@@ -260,6 +259,11 @@ def budget_table(title: str, one: Json) -> str:
         f"{one['relative_u_common']:.2%} common to all shots, {one['relative_u_averaged']:.2%} "
         "reduced by more shots"
     )
+    shown_rows = [
+        row
+        for row in sorted(one["rows"], key=lambda row: not row["common"])
+        if row["share"] >= SHOWN_SHARE
+    ]
     rows = [
         (
             row["label"] if row["common"] else f"{row['label']} *",
@@ -271,20 +275,20 @@ def budget_table(title: str, one: Json) -> str:
             f"{row['contribution']:.3%}",
             f"{row['share']:.1%}",
             f"{row['degrees_of_freedom']:.0f}" if row["degrees_of_freedom"] else "inf",
-            row["traceable_to"] or "",
         )
-        for row in sorted(one["rows"], key=lambda row: not row["common"])
-        if row["share"] >= SHOWN_SHARE
+        for row in shown_rows
     ]
     headings = ("input", "value", "u", "unit", "distribution", "d ln/d", "gives", "share", "dof")
+    traced = [f"{row['label']}: {row['traceable_to']}" for row in shown_rows if row["traceable_to"]]
     decision = [one["conformity"]["sentence"]] if "conformity" in one else []
     return "\n".join(
         [
-            f"{said} ({parts})",
-            table((*headings, "traceable to"), rows),
+            wrapped(f"{said} ({parts})"),
+            table(headings, rows),
             "* reduced by more shots; everything else is common to them.",
-            one["improve"],
-            *decision,
+            *([wrapped(f"Traceable to: {'; '.join(traced)}.")] if traced else []),
+            wrapped(one["improve"]),
+            *map(wrapped, decision),
         ]
     )
 

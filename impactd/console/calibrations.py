@@ -6,7 +6,7 @@ import csv
 from pathlib import Path
 from typing import Any
 
-from analysis.written_numbers import measured
+from analysis.written_numbers import counted, measured
 from impactd.client.connection import Connection
 from impactd.client.talk import fresh_key
 from impactd.console.client import connect
@@ -169,7 +169,7 @@ def readings_of(path: Path) -> list[dict[str, float]]:
 
 def _told(calibration: dict[str, Any]) -> str:
     count = len(calibration["drops"])
-    drops = f"{count} drop{'' if count == 1 else 's'}"
+    drops = counted(count, "drop")
     told = f"Calibration {calibration['number']} is {calibration['state']}, {drops} so far."
     if calibration["state"] == "failed":
         told = f"Calibration {calibration['number']} ended after {drops}."

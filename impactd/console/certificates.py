@@ -64,7 +64,7 @@ def write(
         responsible=responsible,
         role=role,
     )
-    with open_archive(config, data) as archive:
+    with open_archive(config, data, existing=True) as archive:
         calibration = (
             archive.calibrations.current() if number is None else archive.calibrations.get(number)
         )

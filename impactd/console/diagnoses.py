@@ -18,7 +18,7 @@ from impactd.console.failure import Failure
 from impactd.console.fits import moduli_table
 from impactd.console.progress_bar import progress, progress_by_step
 from impactd.console.spreadsheet import write_csv
-from impactd.console.tables import print_json, table
+from impactd.console.tables import print_json, table, wrapped
 from impactd.diagnosis.repair import MEAN_WAVEFORM, is_repaired
 from impactd.diagnosis.set_aside import likely_words, set_aside, shot_words
 from impactd.reports.rejected import rejected_words
@@ -194,7 +194,7 @@ def summary(document: dict[str, Any], *, number: int | None = None) -> str:
     str
         Verdict, numbers of what was found, before and after, moduli, candidates.
     """
-    parts = [f"{document['verdict'].upper()}: {document['sentence']}"]
+    parts = [wrapped(f"{document['verdict'].upper()}: {document['sentence']}")]
     parts += _set_aside(document)
     if document["effects"]:
         rows = [
@@ -219,7 +219,7 @@ def summary(document: dict[str, Any], *, number: int | None = None) -> str:
     parts.append(
         table(("model", *shown), models)
         + (f"\nno {MEAN_WAVEFORM}: {mean['reason']}" if mean.get("reason") else "")
-        + f"\nnoise before the trigger: {document['noise_rms_V']:.4g} {unit} rms"
+        + f"\nnoise: {document['noise_rms_V']:.4g} {unit} rms"
         + "".join(f"\n{line}" for line in document.get("noise", {}).get("said", []))
     )
     parts += [
@@ -257,8 +257,7 @@ def _set_aside(document: dict[str, Any]) -> list[str]:
     lines = []
     for one in set_aside(document):
         likely = likely_words(one)
-        said = f"most like {likely}" if likely else "no label, height or gain explains it"
-        line = f"Set aside: {shot_words(one)}: {said}"
+        line = f"Set aside: {shot_words(one)}" + (f": most like {likely}" if likely else "")
         lines.append(textwrap.fill(line, WIDTH, subsequent_indent="  "))
     return ["\n".join(lines)] if lines else []
 

@@ -11,6 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from analysis.written_numbers import counted
 from impactd.console import doctor_checks, doctor_rescue
 from impactd.console.doctor_checks import Finding
 from impactd.console.failure import Failure, sentence
@@ -77,7 +78,11 @@ def examine(config: Path | None, data: Path | None) -> Iterator[Finding]:
         settings = settings_of(config, data)
     except Exception as error:  # each check reports what it met, whatever it was
         said = sentence(error).removeprefix("impactd: ")
-        mend = "Correct the named key; config/rig.toml explains every key."
+        mend = (
+            "Name a settings file with --config FILE."
+            if "cannot be read" in said
+            else "Correct the named key; config/rig.toml explains every key."
+        )
         yield Finding("configuration", False, said, mend)
         return
     kind = "simulated" if settings.simulated else "real"
@@ -122,7 +127,8 @@ def _disk(settings: Settings) -> Iterator[Finding]:
     place = directory if directory.exists() else next(p for p in directory.parents if p.exists())
     free, reserve = shutil.disk_usage(place).free, settings.storage.reserve_bytes
     shots = max(0, (free - reserve) // _SHOT_BYTES)
-    said = f"{free / 1e9:.1f} GB free, reserve {reserve / 1e9:.1f} GB, room for {shots} shots"
+    room = counted(shots, "shot")
+    said = f"{free / 1e9:.1f} GB free, reserve {reserve / 1e9:.1f} GB, room for {room}"
     mend = "" if shots else "Free space, or lower storage.reserve_bytes."
     yield Finding("disk", shots > 0, said, mend)
 

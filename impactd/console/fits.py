@@ -9,15 +9,18 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from analysis.written_numbers import decimals, measured
+from analysis.written_numbers import counted, decimals, measured
 from impactd.advice import in_words
 from impactd.client.talk import fresh_key
 from impactd.console.client import connect
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
 from impactd.console.spreadsheet import write_csv
-from impactd.console.tables import print_json, table
+from impactd.console.tables import print_json, table, wrapped
 from impactd.reports.rejected import rejected_words
+
+_NAMED = 4
+"""So many hits are named in a sentence about several."""
 
 if TYPE_CHECKING:
     from analysis.fit.result import FitResult
@@ -145,13 +148,15 @@ def report(document: dict[str, Any]) -> str:
     Returns
     -------
     str
-        Pairs, materials, quality, what speaks against it, and what was rejected.
+        What speaks against it, pairs, materials, quality, and what was rejected.
     """
     parts = [f"Model {document['model']}: {document.get('sentence') or _outcome(document)}"]
+    parts += _warnings(document)
     if document.get("pairs"):
         parts.append(_pairs(document))
     if document.get("moduli"):
         parts.append(moduli_table(document["moduli"]))
+        parts.append(_together(document))
     if "r2" in document:
         heldout = document.get("heldout_rms_V")
         parts.append(
@@ -161,11 +166,26 @@ def report(document: dict[str, Any]) -> str:
         )
     if "sentence" not in document:  # a fit of an earlier version
         parts += [one["sentence"] for one in document.get("conflicts") or []]
-    parts += _improvements(document)
-    parts += _warnings(document)
-    parts += document.get("assumptions") or []
+    parts += map(wrapped, _improvements(document))
+    parts += map(wrapped, document.get("assumptions") or [])
     parts += [rejected_words(item) for item in document.get("rejected") or []]
     return "\n\n".join(parts)
+
+
+def _together(document: dict[str, Any]) -> str:
+    """Return which records the moduli of a fit rest on, as `impactd moduli` has others."""
+    hits = counted(len(document["shots"]), "hit")
+    return wrapped(
+        f"These moduli are from one fit to the records of {hits}, with the load cell's numbers "
+        f"free too{known_moduli(document['moduli'])}. `impactd moduli` adjusts the E* of all "
+        "stored shots instead: the last digits may differ."
+    )
+
+
+def known_moduli(moduli: dict[str, Any]) -> str:
+    """Return which materials were known beforehand, to go on with a sentence."""
+    names = [name for name, one in moduli.items() if one["status"] == "reference"]
+    return f"; known beforehand: {', '.join(names)}" if names else "; no modulus known beforehand"
 
 
 def _improvements(document: dict[str, Any]) -> list[str]:
@@ -186,8 +206,23 @@ def _outcome(document: dict[str, Any]) -> str:
 def _warnings(document: dict[str, Any]) -> list[str]:
     outcome = document.get("outcome")
     ending = outcome.get("status") if isinstance(outcome, dict) else outcome  # told already
-    told = [f"  - {in_words(flag)}" for flag in document.get("flags") or [] if flag != ending]
+    flags = document.get("flags") or []
+    told = [in_words(flag) for flag in flags if flag != ending]
+    shots = document.get("shots") or []
+    of_shots = dict.fromkeys(flag for shot in shots for flag in shot.get("flags") or [])
+    for flag in (one for one in of_shots if one not in flags):
+        names = [str(shot["name"]) for shot in shots if flag in (shot.get("flags") or [])]
+        told.append(f"{_some_of(names, len(shots))}: {in_words(flag)}")
+    told = [wrapped(sentence, "  - ") for sentence in told]
     return ["\n".join(["Mind that", *told])] if told else []
+
+
+def _some_of(names: list[str], hits: int) -> str:
+    """Return which hits of a fit something holds for, the first few by name."""
+    if hits == 1:
+        return names[0]
+    named = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+    return f"{len(names)} of {hits} hits ({named})"
 
 
 def _pairs(document: dict[str, Any]) -> str:
@@ -230,7 +265,7 @@ def moduli_table(moduli: dict[str, Any]) -> str:
     Returns
     -------
     str
-        One line per material; withheld ones with the reason.
+        One line per material, and below why some are withheld.
     """
     rows = []
     for name, modulus in moduli.items():
@@ -245,18 +280,19 @@ def moduli_table(moduli: dict[str, Any]) -> str:
                 _note(modulus),
             )
         )
-    return table(
-        ("material", "status", "E +- U (95 %)/GPa", "interval/GPa", "E/(1-nu^2)/GPa", "note"),
-        rows,
-    )
+    headings = ("material", "status", "E +- U (95 %)/GPa", "interval/GPa", "E/(1-nu^2)/GPa", "note")
+    reasons = [
+        wrapped(f"{name} is {modulus['status']}: {modulus['reason']}.")
+        for name, modulus in moduli.items()
+        if modulus.get("reason")
+    ]
+    return "\n".join([table(headings, rows), *reasons])
 
 
 def _note(modulus: dict[str, Any]) -> str:
-    """Return why a modulus is withheld, or what was stated of a reference beforehand."""
+    """Return what was stated of a reference beforehand."""
     stated = modulus.get("stated_youngs_modulus_Pa")
-    if stated:
-        return f"stated {measured(stated, scale=1e-9)}"
-    return str(modulus.get("reason") or "")
+    return f"stated {measured(stated, scale=1e-9)}" if stated else ""
 
 
 def _interval(quantity: dict[str, Any] | None) -> str:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from analysis.written_numbers import counted
 from impactd.console.client import connect
-from impactd.console.fits import moduli_table
+from impactd.console.fits import known_moduli, moduli_table
 from impactd.console.spreadsheet import write_csv
-from impactd.console.tables import print_json
+from impactd.console.tables import print_json, wrapped
 
 
 def show(
@@ -34,6 +35,20 @@ def show(
         return
     moduli = answer.get("moduli") or {}
     if not moduli:
-        print("There are no moduli: no such shot has been analysed.")
+        of = f" of {filters['specimen']}" if filters.get("specimen") else ""
+        print(f"There are no moduli{of}: no such shot has been analysed; see `impactd shots`.")
         return
     print(moduli_table(moduli))
+    print()
+    print(wrapped(_together(answer)))
+
+
+def _together(answer: dict[str, Any]) -> str:
+    """Return which shots the moduli rest on, as a fit of a campaign has others."""
+    cells = [f"calibration {one}" if one.isdigit() else one for one in answer["calibrations"]]
+    return (
+        f"These moduli are from the E* of {counted(len(answer['shots']), 'stored shot')}, "
+        f"each shot fitted by itself with {answer['model']} ({', '.join(cells)}), adjusted "
+        f"together{known_moduli(answer['moduli'])}. `impactd fit CAMPAIGN` fits the records of one "
+        "campaign at once instead: the last digits may differ."
+    )

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import typer
 
-from impactd.console.tables import print_json, table
+from impactd.console.tables import print_json, table, wrapped
 from impactd.importing.choices import Ask, Choices, propose
 from impactd.importing.new_campaign import Made, make_campaign, remark
 from impactd.importing.readers import split_inside
@@ -83,13 +83,17 @@ def _summary(made: Made) -> str:
         "shot", "name", "begins / s", f"peak / {unit}", "contact / ms", "trigger_index", "samples",
         "",
     )  # fmt: skip
-    parts = ["Read and assumed:\n" + "\n".join(f"- {one}" for one in made.said), table(head, rows)]
+    parts = [
+        "Read and assumed:\n" + "\n".join(wrapped(one, "- ") for one in made.said),
+        table(head, rows),
+    ]
     if len(made.shots) > _SHOWN:
         parts.append(f"... and {len(made.shots) - _SHOWN} more.")
     path = shlex.quote(str(made.path))
     parts.append(
         f"Written: {made.path}; shots: {len(made.shots)}.\n"
         f"Look at {made.picture}: is each grey band one hit?\n"
-        f"Then: impactd fit {path}, and impactd diagnose {path} --report diagnosis.html"
+        f"Then: impactd fit {path}\n"
+        f"and: impactd diagnose {path} --report diagnosis.html"
     )
     return "\n\n".join(parts)

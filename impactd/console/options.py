@@ -4,16 +4,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
 if TYPE_CHECKING:
     from impactd.settings.settings import Settings
     from impactd.storage.archive import Archive
+
+
+def written(*endings: str) -> Callable[[Path | None], Path | None]:
+    """Return a check of where something is to be written, made before anything is computed."""
+
+    def check(path: Path | None) -> Path | None:
+        """Return the path; wrong usage where nothing can be written there."""
+        if path is None or str(path) == "-":
+            return path
+        if endings and path.suffix.lower() not in endings:
+            raise typer.BadParameter(f"{path} must end in {' or '.join(endings)}.")
+        if path.is_dir():
+            raise typer.BadParameter(f"{path} is a folder; name a file in it.")
+        if not path.parent.is_dir():
+            raise typer.BadParameter(
+                f"{path} cannot be written: there is no folder {path.parent}. Make it, or "
+                "name another."
+            )
+        return path
+
+    return check
+
 
 Url = Annotated[
     str | None,
@@ -28,9 +51,41 @@ Json = Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")]
 JsonOut = Annotated[
     Path | None,
     typer.Option(
-        "--json", metavar="[OUT]", help="Print the answer as JSON, or write it to a file."
+        "--json",
+        metavar="[OUT]",
+        help="Print the answer as JSON, or write it to a file.",
+        callback=written(),
     ),
 ]
+
+
+_PLAIN_WORDS = {
+    "int_parsing": "it must be a whole number",
+    "float_parsing": "it must be a number",
+    "finite_number": "it must be a finite number",
+}
+
+
+class PlainGroup(TyperGroup):
+    """Commands whose wrong arguments are told in plain words, not in those of a library."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command."""
+        try:
+            return super().invoke(ctx)
+        except typer.BadParameter as error:
+            if isinstance(error.__cause__, ValueError) and hasattr(error.__cause__, "errors"):
+                error.message = _plain(error.__cause__.errors()[0])
+            raise
+
+
+def _plain(wrong: dict[str, Any]) -> str:
+    """Return what pydantic found wrong, in plain words."""
+    said = str(wrong["msg"]).removeprefix("Value error, ")
+    if wrong["type"] == "value_error":
+        return said
+    said = _PLAIN_WORDS.get(wrong["type"], said.replace("Input should", "it must"))
+    return f"{wrong['input']!r} cannot be taken; {said}."
 
 
 class JsonCommand(TyperCommand):
@@ -47,7 +102,12 @@ class JsonCommand(TyperCommand):
 
 Csv = Annotated[
     Path | None,
-    typer.Option("--csv", metavar="OUT.csv", help="Also write the numbers for a spreadsheet."),
+    typer.Option(
+        "--csv",
+        metavar="OUT.csv",
+        help="Also write the numbers for a spreadsheet.",
+        callback=written(),
+    ),
 ]
 Config = Annotated[
     Path | None,
@@ -105,7 +165,12 @@ Of = Annotated[
 ]
 Report = Annotated[
     Path | None,
-    typer.Option("--report", metavar="OUT", help="Write a report here; ends in .html or .pdf."),
+    typer.Option(
+        "--report",
+        metavar="OUT",
+        help="Write a report here; ends in .html or .pdf.",
+        callback=written(".html", ".pdf"),
+    ),
 ]
 SignWith = Annotated[
     Path | None,
@@ -152,20 +217,33 @@ def settings_of(config: Path | None, data: Path | None) -> Settings:
     return load_settings(config, data=data)
 
 
-def open_archive(config: Path | None, data: Path | None) -> Archive:
+def open_archive(config: Path | None, data: Path | None, *, existing: bool = False) -> Archive:
     """Return the archive of a command; beside a running daemon that is safe.
 
     Parameters
     ----------
     config, data : Path or None
         As given on the command line.
+    existing : bool, optional
+        Refuse a folder without an archive instead of beginning one there.
 
     Returns
     -------
     Archive
         Open; use it in a ``with`` block.
+
+    Raises
+    ------
+    Failure
+        If there is none, and it has to exist.
     """
-    from impactd.storage.archive import Archive
+    from impactd.console.failure import Failure
+    from impactd.storage.archive import Archive, is_archive
 
     settings = settings_of(config, data)
+    if existing and not is_archive(settings.storage.directory):
+        raise Failure(
+            f"{settings.storage.directory} holds no archive. Give --data the folder that the "
+            "daemon runs with."
+        )
     return Archive.open(settings.storage.directory, reserve_bytes=settings.storage.reserve_bytes)

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from impactd.console import completions
-from impactd.console.options import Json, Url
+from impactd.console.options import Json, Url, written
 
 
 class Kind(StrEnum):
@@ -41,7 +41,13 @@ def plot(  # noqa: PLR0917 - the framework fills them by name
     ],
     out: Annotated[
         Path,
-        typer.Option("--out", "-o", metavar="FILE", help="Ends in .pdf, .svg or .png."),
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE",
+            help="Ends in .pdf, .svg or .png.",
+            callback=written(".pdf", ".svg", ".png"),
+        ),
     ],
     kind: Annotated[
         Kind | None,

@@ -36,7 +36,6 @@ from impactd.settings.materials import load_materials
 from impactd.settings.settings import find_config
 from impactd.storage.campaign_folder import read_campaign
 
-ENDINGS = (".pdf", ".svg", ".png")
 _PAPER = {
     "figure-2": paper_figures.figure_2,
     "figure-3": paper_figures.figure_3,
@@ -71,9 +70,8 @@ def run(
     Raises
     ------
     Failure
-        If nobody can tell what the thing is, or the ending is not one of a figure.
+        If nobody can tell what the thing is.
     """
-    _refuse_ending(out)
     figure = _figure(list(what), kind, list(models), shot, url)
     progress("", last=True)
     save(figure, out)
@@ -90,21 +88,10 @@ def save(figure: Figure, out: Path) -> None:
     ----------
     out : Path
         Ends in ``.pdf``, ``.svg`` or ``.png``; the same figure gives the same bytes.
-
-    Raises
-    ------
-    Failure
-        If it ends in something else.
     """
-    _refuse_ending(out)
     undated = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
     with styled():
         figure.savefig(out, metadata=undated.get(out.suffix.lower()))
-
-
-def _refuse_ending(out: Path) -> None:
-    if out.suffix.lower() not in ENDINGS:
-        raise Failure(f"{out} must end in one of {', '.join(ENDINGS)}; the ending sets the format.")
 
 
 def _figure(

@@ -7,10 +7,12 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
+from analysis.written_numbers import counted
 from impactd.console.failure import Failure
 from impactd.console.options import settings_of
 from impactd.console.progress_bar import progress
 from impactd.console.tables import print_json
+from impactd.daemon import check_model
 from impactd.jobs.executors import TaskExecutor, WorkerExecutor, dask_executor
 from impactd.jobs.tasks import warm_up
 from impactd.jobs.worker_process import WorkerLimits
@@ -55,6 +57,8 @@ def run(
     Failure
         If shots could not be fitted.
     """
+    for name in models or ():
+        check_model(name)
     settings = settings_of(config, data)
     book = MaterialBook(settings.materials.file, settings.storage.directory)
     materials = book.current
@@ -71,7 +75,7 @@ def run(
             models=models,
             label=label,
             progress=lambda done, total: progress(
-                f"{done} of {total} shots", share=done / max(total, 1)
+                f"{done} of {counted(total, 'shot')}", share=done / max(total, 1)
             ),
         )
     progress("", last=True)
@@ -87,7 +91,9 @@ def run(
         more = len(reasons) - MOST_REASONS
         if more > 0:
             reasons[MOST_REASONS:] = [f"and {more} more"]
-        raise Failure(f"{len(report.failed)} shots could not be fitted. {'; '.join(reasons)}")
+        raise Failure(
+            f"{counted(len(report.failed), 'shot')} could not be fitted. {'; '.join(reasons)}"
+        )
 
 
 @contextmanager

@@ -18,7 +18,8 @@ def list_shots(filters: dict[str, Any], *, limit: int, url: str | None, as_json:
         print_json(found)
         return
     if not found:
-        print("No shots.")
+        chosen = ", ".join(f"{key} {value}" for key, value in filters.items() if value is not None)
+        print(f"No stored shot has {chosen}." if chosen else "There are no shots yet.")
         return
     headings = ("shot", "when (UTC)", "sphere", "surface", "height/m", "peak", "operator", "note")
     print(table(headings, [_row(shot) for shot in found]))

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from analysis.written_numbers import counted
 from impactd.aliases import Json
 from impactd.console.failure import Failure
 from impactd.storage.csv_table import csv_line
@@ -60,7 +61,7 @@ def _rows(block: Json) -> Iterator[tuple[Any, ...]]:
                     name,
                     key,
                     *_numbers(key, pair[key]),
-                    f"{pair['shots']} hits",
+                    counted(pair["shots"], "hit"),
                 )
     for name, value in (block.get("parameters") or {}).items():
         yield (model, "parameter", name, name.rpartition(".")[2], *_numbers(name, value), "")

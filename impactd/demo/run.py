@@ -16,7 +16,7 @@ from impactd.console.failure import Failure
 from impactd.demo import diagnosis, drops, terminal
 from impactd.demo.outcome import Outcome, compare
 from impactd.demo.rig_process import MATERIALS_NAME, RigProcess, write_settings
-from impactd.rig.simulated import SEALED_NAME
+from impactd.rig.simulated import SEALED_NAME, check_effect
 from impactd.settings.settings import load_settings
 from impactd.storage.archive import Archive
 from impactd.storage.campaign_folder import read_campaign
@@ -62,6 +62,7 @@ def run_demo(
     if not console.is_terminal:
         console = Console(stderr=as_json, width=_WIDTH_IN_A_PIPE)
     seed = secrets.randbelow(10_000) if seed is None else seed
+    check_effect(effect)
     _make_room(out)
     settings = out / _SETTINGS
     write_settings(settings, seed=seed, effect=effect)

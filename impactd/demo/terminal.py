@@ -97,7 +97,7 @@ def _show_pairs(console: Console, outcome: Outcome) -> None:
         table.add_row(
             row.name,
             *(gigapascals(row.estimates[rung.key]) for rung in shown),
-            true_gigapascals(row),
+            true_gigapascals(row.truth_pa, row.estimates.values()),
             inside(row.estimates[outcome.last.key], row.truth_pa),
         )
     console.print()
@@ -113,6 +113,7 @@ def _show_ladder(console: Console, outcome: Outcome) -> None:
     table.add_column("in 95 %?", no_wrap=True)
     table.add_column("pairs", no_wrap=True)
     truth_pa = outcome.specimen_truth_pa
+    true = true_gigapascals(truth_pa, (rung.specimen for rung in outcome.rungs))
     for rung in outcome.rungs:
         held, found = rung.heldout_rms_v, rung.specimen
         holds, stated = outcome.held(rung.key)
@@ -120,7 +121,7 @@ def _show_ladder(console: Console, outcome: Outcome) -> None:
             rung.name,
             "-" if held is None else f"{1e3 * held:.4g}",
             gigapascals(found),
-            f"{truth_pa / 1e9:.3f}",
+            true,
             off_by(found, truth_pa),
             inside(found, truth_pa),
             f"{holds} of {stated}" if stated else "-",

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from analysis.written_numbers import K_95, decimals, measured
-from impactd.demo.outcome import Estimate, Row
+from collections.abc import Iterable
+
+from analysis.written_numbers import K_95, MOST_DECIMALS, decimals, measured
+from impactd.aliases import Json
+from impactd.demo.outcome import Estimate
 
 
 def gigapascals(estimate: Estimate | None) -> str:
@@ -24,22 +27,33 @@ def gigapascals(estimate: Estimate | None) -> str:
     return measured(estimate.to_json(), scale=1e-9, sign="±")
 
 
-def true_gigapascals(row: Row) -> str:
-    """Return a row's truth, to the digits of its sharpest estimate.
+def true_number(truth: float, estimates: Iterable[Json | None], scale: float = 1.0) -> str:
+    """Return a true value to the digits of the sharpest estimate beside it.
 
     Parameters
     ----------
-    row : Row
-        Pair or material.
+    truth : float
+        In the unit of the estimates.
+    estimates : iterable of dict or None
+        Measurands with ``u``; ``None``: withheld.
+    scale : float, optional
+        Factor on all, for another unit. [1]
 
     Returns
     -------
     str
-        In GPa.
+        To five significant digits where nothing has an uncertainty.
     """
-    stated = [one for one in row.estimates.values() if one is not None]
-    digits = max((decimals(K_95 * one.u_pa / 1e9) for one in stated), default=3)
-    return f"{row.truth_pa / 1e9:.{digits}f}"
+    us = [K_95 * (one.get("u") or 0.0) * scale for one in estimates if one]
+    digits = max((decimals(one) for one in us if one > 0.0), default=MOST_DECIMALS + 1)
+    if digits > MOST_DECIMALS:
+        return f"{truth * scale:.5g}"
+    return f"{truth * scale:.{digits}f}"
+
+
+def true_gigapascals(truth_pa: float, estimates: Iterable[Estimate | None]) -> str:
+    """Return a true modulus in GPa, to the digits of the sharpest estimate beside it."""
+    return true_number(truth_pa, (one.to_json() for one in estimates if one), 1e-9)
 
 
 def inside(estimate: Estimate | None, truth_pa: float) -> str:

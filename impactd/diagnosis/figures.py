@@ -16,6 +16,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from analysis.plots.residuals import plot_stack
 from analysis.plots.span import span_us
 from analysis.plots.style import Shown, styled
+from analysis.written_numbers import counted
 from impactd.aliases import Json
 from impactd.diagnosis.set_aside import shot_words
 from impactd.diagnosis.unit import Unit
@@ -91,7 +92,7 @@ def in_time(stacks: Json, unit: Unit) -> str | None:
         colours = mpl.colormaps[HEIGHTS](np.linspace(0.85, 0.1, len(parts)))
         for colour, part in zip(colours, parts, strict=True):
             y = np.array([np.nan if v is None else v for v in part["mean"]]) * unit.factor
-            label = f"{part['part']} ({part['shots']} shots)"
+            label = f"{part['part']} ({counted(part['shots'], 'shot')})"
             axes.plot(t[near], y[near], color=colour, lw=1.2, label=label)
         axes.set_xlabel("time after touch-down / µs")
         axes.set_ylabel(f"residual / {unit.label}")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from analysis.diagnosis.document.wording import FAMILIES
 from analysis.plots.span import span_us
+from analysis.written_numbers import counted
 from impactd.aliases import Json
 from impactd.diagnosis import closure_figures, figures
 from impactd.diagnosis.interactive import charts
@@ -74,7 +75,7 @@ def campaign(document: Json) -> str:
     seen = document["campaign"]
     heights = ", ".join(f"{h * 1e3:.1f}" for h in seen["drop_heights_m"])
     spheres, surfaces = _named(seen["spheres"], "sphere"), _named(seen["surfaces"], "surface")
-    said = f"{seen['shots']} shots of {spheres} on {surfaces}"
+    said = f"{counted(seen['shots'], 'shot')} of {spheres} on {surfaces}"
     said += f", from {heights} mm" if heights else ""
     count = len(set_aside(document))
     return f"{said}; {count} more set aside" if count else said

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from analysis.plots.residuals import draw_largest_residual
 from analysis.plots.style import INK, SOFT, styled
-from analysis.written_numbers import K_95, measured
+from analysis.written_numbers import K_95, counted, measured
 from impactd.aliases import Json
 from impactd.diagnosis.report import campaign
 from impactd.reports.templating import MODULI
@@ -169,7 +169,7 @@ def _write_foot(figure: Figure, document: Json, source: Source) -> None:
     lines = (
         f"Model {document['after']['model']}. Made by {document['software']} ({versions}).",
         f"SHA-256 {digest_of(source.files)}",
-        f"of the list that sha256sum prints for {len(names)} files, sorted by name: "
+        f"of the list that sha256sum prints for {counted(len(names), 'file')}, sorted by name: "
         f"{names[0]} to {names[-1]}.",
     )
     for place, line in enumerate(lines):

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.written_numbers import counted
 from impactd.importing.errors import RecordingError
 from impactd.importing.recording import Channel, Recording
 from impactd.importing.times import counts_samples, rate_of_times
@@ -56,7 +57,10 @@ class _Form:
         if self.delimiter is None:
             return line.split()
         if '"' in line:
-            return next(csv.reader([line], delimiter=self.delimiter), [])
+            try:
+                return next(csv.reader([line], delimiter=self.delimiter), [])
+            except csv.Error:  # e.g. a page with a picture in it: no line of a table
+                return []
         return line.split(self.delimiter)
 
     def number(self, field: str) -> float:
@@ -146,7 +150,7 @@ def _unzipped(path: Path) -> bytes:
 
 
 def _form_said(file: str, form: _Form, begin: int) -> str:
-    lines = "1 line" if begin == 1 else f"{begin} lines"
+    lines = counted(begin, "line")
     head = f"{lines} before the numbers" if begin else "no header"
     comma = ", decimal commas" if form.decimal == "," else ""
     return f"{file}: columns separated by {_NAMES[form.delimiter]}{comma}; {head}."

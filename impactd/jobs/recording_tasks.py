@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import tempfile
 from pathlib import Path
 
 from impactd.aliases import Json
@@ -24,17 +23,9 @@ from impactd.storage.campaign_folder import read_campaign
 def read(order: Json) -> Json:
     """Return the hits of recordings, what was assumed and what is missing; draw their picture.
 
-    Nothing else is kept. ``refused`` is the only member where they cannot be read.
+    The campaign folder ``out`` is written, whole or not at all. ``refused`` is the only member
+    where they cannot be read.
     """
-    with tempfile.TemporaryDirectory(dir=order["folder"]) as draft:
-        made = _make(order, Path(draft, "campaign"))
-        if "refused" not in made:
-            Path(draft, "campaign", DRAWN_NAME).replace(Path(order["folder"], PICTURE_NAME))
-    return made
-
-
-def keep(order: Json) -> Json:
-    """Write the campaign folder ``out``, whole or not at all; return what `read` returns."""
     out = Path(order["out"])
     draft = out.with_name(f".{out.name}.draft")
     shutil.rmtree(draft, ignore_errors=True)  # of a daemon that was killed
@@ -42,6 +33,7 @@ def keep(order: Json) -> Json:
     if "refused" in made:
         shutil.rmtree(draft, ignore_errors=True)
     else:
+        shutil.copyfile(draft / DRAWN_NAME, Path(order["folder"], PICTURE_NAME))
         draft.rename(out)
     return made
 

@@ -5,8 +5,10 @@
     DIRECTORY/recordings/NAME/
       files/drop-1.csv          as it came, never changed
       choices.json, values.json what was stated last
+      drops.csv                 the table of drops that was stated last
       recordings.png            the hits that the last reading found
-      campaigns/3f2a5b.../      one campaign folder for each diagnosis, never changed
+      reading/3f2a5b.../        the campaign folder that the last reading made
+      campaigns/3f2a5b.../      one for each diagnosis, never changed
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import shutil
 import threading
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,10 +24,11 @@ from typing import Any
 
 from impactd.aliases import Json
 from impactd.importing.errors import RecordingError
+from impactd.importing.stated_values import read_drops
 from impactd.jobs.errors import TaskError, TaskMemoryError, TaskTimeoutError
 from impactd.jobs.worker_process import WorkerLimits, run_apart
 from impactd.storage.archive import Archive
-from impactd.storage.errors import NotFoundError
+from impactd.storage.errors import InUseError, NotFoundError
 from impactd.storage.jobs import DIAGNOSE, Job
 from impactd.storage.publish import publish
 from impactd.storage.recording_files import HDF5_ENDINGS, RECORDING_ENDINGS, RECORDINGS_NAME
@@ -33,6 +37,8 @@ FILES_NAME = "files"
 VALUES_NAME = "values.json"
 CHOICES_NAME = "choices.json"
 PICTURE_NAME = "recordings.png"
+DROPS_NAME = "drops.csv"
+READING_NAME = "reading"
 CAMPAIGNS_NAME = "campaigns"
 MOST_FILES = 200
 """Of a set. A choice: nearly four of the usual campaigns of 54 drops."""
@@ -123,13 +129,67 @@ class RecordingSets:
         folder.mkdir(mode=0o750, parents=True, exist_ok=True)
         publish(path, content)
 
+    def keep_drops(self, name: str, content: bytes) -> Json:
+        """Take a table of drops into what is stated of a set; return the values.
+
+        It is that of `impactd new --drops`; what was stated of these drops before is replaced.
+
+        Raises
+        ------
+        NotFoundError
+            If nobody uploaded a recording to the set.
+        RecordingError
+            If it is no such table.
+        """
+        folder = self.get(name).folder
+        publish(folder / DROPS_NAME, content, replace=True)
+        try:
+            drops = read_drops(folder / DROPS_NAME)
+        except RecordingError as error:
+            where = error.where.replace(str(folder / DROPS_NAME), "The table of drops")
+            raise RecordingError(where, error.what, error.remedy) from error
+        values: Json = _json(folder / VALUES_NAME) or {}
+        values["shots"] = {**values.get("shots", {}), **drops}
+        for key, group in (("sphere", "spheres"), ("surface", "surfaces")):
+            named: Json = {drop[key]: {} for drop in drops.values() if key in drop}
+            values[group] = {**named, **values.get(group, {})}  # of which nothing is known yet
+        _state(folder / VALUES_NAME, values)
+        return values
+
+    def delete(self, name: str) -> None:
+        """Delete a set with its files and campaign folders; documents of diagnoses stay.
+
+        Raises
+        ------
+        NotFoundError
+            If there is none.
+        InUseError
+            If a diagnosis of it waits or runs.
+        """
+        folder = self.get(name).folder
+        for state in ("queued", "running"):
+            for job in self._archive.jobs.list(state=state, kind=DIAGNOSE, limit=None):
+                if job.payload.get(RECORDINGS_NAME) == name:
+                    raise InUseError(
+                        f"The recordings {name} are being diagnosed (diagnosis {job.id}).",
+                        remedy="Cancel the diagnosis, or wait for it; then delete them.",
+                    )
+        gone = folder.with_name(f".{name}.deleted")  # whole or not at all, whatever happens now
+        shutil.rmtree(gone, ignore_errors=True)
+        folder.rename(gone)
+        shutil.rmtree(gone)
+
     def read(self, name: str, choices: Json, values: Json | None) -> Json:
         """Return ``shots``, ``assumptions`` and ``missing`` of a set; see `impactd new`.
 
         ``choices`` are those of `impactd.importing.choices.Choices`, and are kept with the values.
         Raises RecordingError if a file cannot be read or a value is impossible.
         """
-        return self._apart("read", self.get(name), choices, values)
+        found = self.get(name)
+        out = found.folder / READING_NAME / _digest(found, choices, values)
+        shutil.rmtree(out.parent, ignore_errors=True)
+        out.parent.mkdir(mode=0o750)
+        return self._apart(found, choices, values, out)
 
     def request_diagnosis(
         self,
@@ -151,12 +211,13 @@ class RecordingSets:
             If the key belongs to another request.
         """
         found = self.get(name)
-        rest = [[one.name for one in found.files], choices, values]
-        digest = hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()[:16]
-        out = found.folder / CAMPAIGNS_NAME / digest
+        digest = _digest(found, choices, values)
+        out, read = found.folder / CAMPAIGNS_NAME / digest, found.folder / READING_NAME / digest
+        out.parent.mkdir(mode=0o750, exist_ok=True)
+        if read.exists() and not out.exists():  # files are not read twice
+            read.rename(out)
         if not out.exists():
-            out.parent.mkdir(mode=0o750, exist_ok=True)
-            self._apart("keep", found, choices, values, out=str(out))
+            self._apart(found, choices, values, out)
         payload: Json = {
             RECORDINGS_NAME: name,
             "campaign": out.relative_to(self._archive.directory).as_posix(),
@@ -165,9 +226,7 @@ class RecordingSets:
         }
         return self._archive.jobs.enqueue(DIAGNOSE, payload, f"the recordings {name}", key=key)
 
-    def _apart(
-        self, task: str, found: RecordingSet, choices: Json, values: Json | None, **more: str
-    ) -> Json:
+    def _apart(self, found: RecordingSet, choices: Json, values: Json | None, out: Path) -> Json:
         _state(found.folder / CHOICES_NAME, choices)
         if values is not None:
             _state(found.folder / VALUES_NAME, values)
@@ -176,11 +235,11 @@ class RecordingSets:
             "files": [one.name for one in found.files],
             "choices": choices,
             "has_values": values is not None,
-            **more,
+            "out": str(out.resolve()),
         }
         try:
             made: Json = run_apart(
-                f"impactd.jobs.recording_tasks:{task}", [order], self._limits, self._stop
+                "impactd.jobs.recording_tasks:read", [order], self._limits, self._stop
             )
         except TaskError as error:
             remedy = f"Upload less at a time. {_SHELL}"
@@ -188,6 +247,12 @@ class RecordingSets:
         if "refused" in made:
             raise RecordingError(**made["refused"])
         return made
+
+
+def _digest(found: RecordingSet, choices: Json, values: Json | None) -> str:
+    """Return a name for the campaign that files, choices and values make."""
+    rest = [[one.name for one in found.files], choices, values]
+    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def _why(error: TaskError) -> str:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
+from analysis.written_numbers import counted
 from impactd.aliases import Json
 from impactd.reports.pdf_signature import Signatory
 from impactd.reports.templating import MODULI, render
@@ -31,7 +32,7 @@ def about(document: Json) -> str:
     """Return the shots and the model that a budget belongs to, in words."""
     shots = document.get("shots")
     said = f"Model {document['model']}"
-    return said if shots is None else f"{said}, {shots} shots"
+    return said if shots is None else f"{said}, {counted(shots, 'shot')}"
 
 
 def write_signed_sheet(

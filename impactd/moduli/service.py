@@ -79,8 +79,10 @@ class ModuliService:
         self._networks: OrderedDict[tuple[str | None, ...], _Network] = OrderedDict()
         self._budgets: OrderedDict[tuple[str | None, ...], tuple[_Network, Json]] = OrderedDict()
 
-    def start(self, model: str, wait: Callable[[float], bool]) -> None:
-        """Read the archive beforehand, in a thread.
+    def start(
+        self, model: str, materials: Callable[[], Materials], wait: Callable[[float], bool]
+    ) -> None:
+        """Read the archive and adjust its network beforehand, in a thread.
 
         ``wait`` waits for at most so many seconds and tells whether more urgent work is done.
         """
@@ -93,6 +95,8 @@ class ModuliService:
             try:
                 with self._lock:
                     self._observations_of(model).update(self._stop.is_set)
+                if not self._stop.is_set():
+                    self._network(materials(), model, None, None)
             except Exception:  # whoever asks for moduli meets the same error and is told
                 _log.exception("the fits could not be read beforehand")
 

@@ -32,6 +32,7 @@ def _environment() -> Environment:
     made.filters |= {
         "number": number,
         "percent": percent,
+        "counted": written_numbers.counted,
         "p_value": p_value,
         "measured": measured,
         "gigapascals": gigapascals,

@@ -143,8 +143,21 @@ def world_settings(
     )
 
 
+def check_effect(effect: str) -> None:
+    """Raise SettingsError where the simulator does not know an effect, or one of several."""
+    for name in effect.split("+"):
+        if effect not in ("random", "none") and name not in EFFECTS:
+            raise SettingsError(
+                None,
+                "simulation.effect",
+                f"the simulator knows no effect {name!r}; it knows none, random, "
+                f"{', '.join(EFFECTS)}",
+            )
+
+
 def _effects(section: SimulationSection) -> tuple[Effect, ...] | str:
     """Return the hidden effects; parameters that were left out are drawn from the seed."""
+    check_effect(section.effect)
     if section.effect == "random":
         return "random"
     if section.effect == "none":
@@ -152,13 +165,6 @@ def _effects(section: SimulationSection) -> tuple[Effect, ...] | str:
     rng = np.random.default_rng([section.seed, 60])
     effects = []
     for name in section.effect.split("+"):
-        if name not in EFFECTS:
-            raise SettingsError(
-                None,
-                "simulation.effect",
-                f"the simulator knows no effect {name!r}; it knows none, random, "
-                f"{', '.join(EFFECTS)}",
-            )
         try:
             values = {**EFFECTS[name].draw(rng), **section.effect_parameters.get(name, {})}
             form = EFFECTS[name].form_on(section.rig or DEFAULT_RIG)

@@ -406,6 +406,11 @@ class Archive:
         return verify_archive(self._index, self._store, self.diagnoses)
 
 
+def is_archive(directory: Path) -> bool:
+    """Return whether a folder holds an archive, be it without its index."""
+    return (directory / SHOTS_NAME).is_dir() or _is_old(directory)
+
+
 def _is_old(directory: Path) -> bool:
     return any((directory / name).exists() for name in (LAST_NUMBER_NAME, JOURNAL_NAME))
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from analysis.campaign import Campaign, Rejected, Sensor, Sphere, Surface, Uncertainty
+from analysis.written_numbers import counted
 from impactd.storage import ranges
 from impactd.storage.campaign_shot import SHOT_KEYS, CampaignShot, read_campaign_shot, shot_to_json
 from impactd.storage.errors import ArchiveError, CampaignError
@@ -148,7 +149,8 @@ def _refuse_recordings(path: Path, file: Path) -> None:
             raise CampaignError(
                 str(path),
                 "$",
-                f"has no {JSON_NAME}, and {len(found)} recordings. Make a campaign of them first: "
+                f"has no {JSON_NAME}, and {counted(len(found), 'recording')}. Make a campaign of "
+                "them first: "
                 f"impactd new {files} --out {shlex.quote(path.resolve().name)}-campaign",
             )
         raise CampaignError(
@@ -182,7 +184,7 @@ def _with_shots(root: Fields, header: Campaign, certificate: Sensor, file: Path)
         root.refuse("shots", "is empty; list at least one shot with its file.")
     if not good:
         first = f"The first: {rejected[0].path}: {rejected[0].reason}"
-        root.refuse("shots", f"none of {len(rejected)} shots can be used. {first}")
+        root.refuse("shots", f"none of {counted(len(rejected), 'shot')} can be used. {first}")
     campaign = replace(
         header,
         shots=tuple(one.shot for one in good),

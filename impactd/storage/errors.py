@@ -6,6 +6,7 @@
     ├── StorageFullError            the disk is full, or its reserve would be touched
     ├── NotFoundError               no such drop, shot, fit, job, calibration or token
     ├── CorruptShotError            a shot file does not hold what was written
+    ├── InUseError                  it cannot be deleted now
     ├── DropStateError              a drop cannot go from its state to that one
     ├── IdempotencyConflictError    a key was used before, for something else
     └── CampaignError               a campaign folder cannot be used as a whole
@@ -53,16 +54,29 @@ class StorageFullError(ArchiveError):
         )
 
 
+_LISTED = {
+    "shot": "`impactd shots`, or the page under Shots, lists those that are stored.",
+    "drop": "GET /v1/drops lists them.",
+    "fit": "`impactd shots NUMBER` lists those of a shot.",
+    "job": "GET /v1/diagnoses lists those that diagnose.",
+    "calibration": "`impactd calibrate --history` lists them.",
+    "model": "GET /v1/models lists them.",
+    "alarm": "`impactd status` lists those that stand.",
+    "token": "`impactd token list` lists them.",
+    "recording set": "GET /v1/recordings, or the page under Own recordings, lists them.",
+}
+
+
 class NotFoundError(ArchiveError):
     """Nothing of that kind has that number or name.
 
-    ``kind`` is ``drop``, ``shot``, ``fit``, ``job``, ``calibration`` or ``token``.
+    ``kind`` is one of `_LISTED`, which says where those that exist are listed.
     """
 
     def __init__(self, kind: str, number: int | str) -> None:
         self.kind = kind
         self.number = number
-        super().__init__(f"There is no {kind} {number}.")
+        super().__init__(f"There is no {kind} {number}.", remedy=_LISTED.get(kind, ""))
 
 
 class CorruptShotError(ArchiveError):
@@ -75,6 +89,10 @@ class CorruptShotError(ArchiveError):
             f"The shot file {path} cannot be trusted: {reason}.",
             remedy="Restore it from a backup and run `impactd verify`.",
         )
+
+
+class InUseError(ArchiveError):
+    """Something cannot be deleted while it is worked on."""
 
 
 class DropStateError(ArchiveError):

@@ -159,13 +159,13 @@ class JobTable:
         return _job_of(row)
 
     def list(
-        self, *, state: str | None = None, kind: str | None = None, limit: int = 50
+        self, *, state: str | None = None, kind: str | None = None, limit: int | None = 50
     ) -> list[Job]:
-        """Return jobs, newest first."""
+        """Return jobs, newest first; at most ``limit``, or all."""
         rows = self._index.rows(
             "SELECT * FROM jobs WHERE (? IS NULL OR state=?) AND (? IS NULL OR kind=?) "
             "ORDER BY id DESC LIMIT ?",
-            (state, state, kind, kind, limit),
+            (state, state, kind, kind, -1 if limit is None else limit),
         )
         return [_job_of(row) for row in rows]
 

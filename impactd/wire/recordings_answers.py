@@ -28,6 +28,12 @@ class RecordingsAnswer(Answer):
     links: dict[str, str | None]
 
 
+class StatedValues(Answer):
+    """What was stated of recordings."""
+
+    values: dict[str, Any] = Field(description="With `shots` by the names that the table gives.")
+
+
 class RecordingsPage(Answer):
     """Uploaded recordings, newest first."""
 

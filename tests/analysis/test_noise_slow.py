@@ -1,4 +1,4 @@
-"""Noise that rises like 1/f is told from white and correlated noise and from hum, and whitened."""
+"""Noise that rises slowly is told from white and correlated noise and from hum, and whitened."""
 
 from __future__ import annotations
 
@@ -20,12 +20,14 @@ RATE_HZ = 1e6
 RMS_V = 1.5e-3
 
 
-def _record(rng: np.random.Generator, samples: int, *, corner_hz: float, rho: float) -> np.ndarray:
-    """White or AR(1) noise with a 1/f part, by lines of a longer record."""
+def _record(
+    rng: np.random.Generator, samples: int, *, corner_hz: float, rho: float, slope: int = 1
+) -> np.ndarray:
+    """White or AR(1) noise with a part of 1/f^slope, by lines of a longer record."""
     n = 1 << 16
     f = np.fft.rfftfreq(n)
     power = (1 - rho**2) / np.abs(1 - rho * np.exp(-2j * np.pi * f)) ** 2
-    power[1:] += corner_hz / (f[1:] * RATE_HZ)
+    power[1:] += (corner_hz / (f[1:] * RATE_HZ)) ** slope
     shaped = np.fft.rfft(rng.standard_normal(n)) * np.sqrt(power)
     return RMS_V * np.fft.irfft(shaped, n)[:samples]
 
@@ -35,10 +37,12 @@ def _hum(rng: np.random.Generator, samples: int) -> np.ndarray:
     return 0.03 * (np.sin(100 * np.pi * t) + np.sin(300 * np.pi * t + 1) / 3)
 
 
-def _estimate(seed: int, *, corner_hz: float, rho: float = 0.0, hum: bool = False) -> NoiseModel:
+def _estimate(
+    seed: int, *, corner_hz: float, rho: float = 0.0, hum: bool = False, slope: int = 1
+) -> NoiseModel:
     """The model of a campaign's quiet stretches: 54 of 1490 samples."""
     rng = np.random.default_rng(seed)
-    quiet = [_record(rng, 1490, corner_hz=corner_hz, rho=rho) for _ in range(54)]
+    quiet = [_record(rng, 1490, corner_hz=corner_hz, rho=rho, slope=slope) for _ in range(54)]
     if hum:
         quiet = [x + _hum(rng, x.size) for x in quiet]
     found = estimate_noise(quiet, sample_rate_hz=RATE_HZ)
@@ -47,10 +51,14 @@ def _estimate(seed: int, *, corner_hz: float, rho: float = 0.0, hum: bool = Fals
 
 
 @pytest.mark.parametrize("hum", [False, True])
+@pytest.mark.parametrize("slope", [1, 2])
 @pytest.mark.parametrize("corner_hz", [2e3, 6e3, 25e3])
-def test_the_corner_is_found_with_and_without_hum(corner_hz: float, hum: bool) -> None:
+def test_slope_and_corner_are_found_with_and_without_hum(
+    corner_hz: float, slope: int, hum: bool
+) -> None:
     """The frequency below which the noise rises comes out to a fifth, hum or no hum."""
-    found = _estimate(1, corner_hz=corner_hz, hum=hum)
+    found = _estimate(1, corner_hz=corner_hz, hum=hum, slope=slope)
+    assert found.slope == slope
     assert found.corner * RATE_HZ == pytest.approx(corner_hz, rel=0.2)
     assert found.order == 256
 
@@ -91,11 +99,13 @@ def test_hum_is_told_as_drift() -> None:
     assert moved.drift_rms > 3 * moved.drift_expected_rms
 
 
-def test_whitened_noise_is_white_down_to_a_kilohertz() -> None:
+@pytest.mark.parametrize("slope", [1, 2])
+def test_whitened_noise_is_white_down_to_a_kilohertz(slope: int) -> None:
     """Other records of the same noise, whitened, are flat, and white from the first sample on."""
-    found = _estimate(3, corner_hz=2e4)
+    found = _estimate(3, corner_hz=2e4, slope=slope)
     rng = np.random.default_rng(4)
-    white = np.stack([found.whiten(_record(rng, 3000, corner_hz=2e4, rho=0.0)) for _ in range(200)])
+    records = [_record(rng, 3000, corner_hz=2e4, rho=0.0, slope=slope) for _ in range(200)]
+    white = np.stack([found.whiten(one) for one in records])
     power = np.mean(np.abs(np.fft.rfft(white, axis=1)) ** 2, axis=0) / white.shape[1]
     assert np.mean(power[4:]) == pytest.approx(1.0, abs=0.02)
     for low, high in ((3, 6), (6, 12), (12, 48), (48, 1500)):  # lines of 333 Hz

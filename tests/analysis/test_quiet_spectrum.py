@@ -22,11 +22,11 @@ def _hum(samples: int, seed: int, volts: float = 0.1) -> np.ndarray:
     return volts * sum(np.sin(2 * np.pi * 60 * n * t + n) / n for n in (1, 3, 5, 7))
 
 
-def _pink(samples: int, rng: np.random.Generator) -> np.ndarray:
-    """Noise of density 1/f (cycles per sample), by lines of a far longer record."""
+def _rising(samples: int, rng: np.random.Generator, slope: int) -> np.ndarray:
+    """Noise of density 1/f^slope (cycles per sample), by lines of a far longer record."""
     n = 1 << 16
     f = np.fft.rfftfreq(n)
-    shape = np.sqrt(np.concatenate([[0.0], 1 / f[1:]]))
+    shape = np.sqrt(np.concatenate([[0.0], 1 / f[1:] ** slope]))
     return np.fft.irfft(np.fft.rfft(rng.standard_normal(n)) * shape, n)[:samples]
 
 
@@ -37,22 +37,24 @@ def test_hum_is_taken_off_whole(samples: int) -> None:
     assert np.abs(left).max() < 1e-4
 
 
-def test_covariance_of_one_over_f_is_the_sum_of_its_lines() -> None:
-    """The cosine integral agrees with a fine sum over frequency, the flat bottom included."""
+@pytest.mark.parametrize("slope", [1, 2])
+def test_covariance_of_rising_noise_is_the_sum_of_its_lines(slope: int) -> None:
+    """The closed form agrees with a fine sum over frequency, the flat bottom included."""
     edges = np.concatenate([np.linspace(0, LOWEST, 50), np.geomspace(LOWEST, 0.5, 400_001)[1:]])
     f, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
-    density = 1 / np.maximum(f, LOWEST)
-    found = slow_covariance(500)
+    density = 1 / np.maximum(f, LOWEST) ** slope
+    found = slow_covariance(500, slope)
     for lag in (0, 1, 7, 500):
         wanted = 2 * np.sum(density * np.cos(2 * np.pi * f * lag) * width)
-        assert found[lag] == pytest.approx(wanted, abs=1e-4)
+        assert found[lag] == pytest.approx(wanted, rel=1e-6, abs=1e-4)
 
 
-def test_powers_are_as_expected_for_white_and_for_one_over_f() -> None:
-    """Line by line, white noise has the white expectation and 1/f noise that of 1/f."""
+@pytest.mark.parametrize("slope", [1, 2])
+def test_powers_are_as_expected_for_white_and_for_rising_noise(slope: int) -> None:
+    """Line by line, white noise has the white expectation and rising noise that of its slope."""
     rng = np.random.default_rng(5)
     white = pooled_spectrum([rng.standard_normal(1000) for _ in range(300)], RATE_HZ)
-    slow = pooled_spectrum([_pink(1000, rng) for _ in range(300)], RATE_HZ)
+    slow = pooled_spectrum([_rising(1000, rng, slope) for _ in range(1000)], RATE_HZ, slope)
     assert white is not None
     assert slow is not None
     for ratio, seen in ((white.power / white.white, white), (slow.power / slow.slow, slow)):

@@ -106,6 +106,18 @@ def test_a_board_that_is_slow_by_nature_is_learned() -> None:
     assert not _started(4e-4, lost=PACKET_SAMPLES, runs=5).on_time
 
 
+def test_a_host_that_was_busy_while_it_was_learned_hides_no_gap() -> None:
+    """Its long delays stand for the board's; once it is less busy, a run's own show them up."""
+    _started(6e-4, runs=4, latency=(learned_while_busy := Latency()))
+    pace = Pace(RATE_HZ, 10.0, learned_while_busy)
+    pace.started(100.0, 100.00002)
+    for n in range(512, 200_000, 512):
+        gone = PACKET_SAMPLES if n > 150_000 else 0
+        delay_s = 6e-4 if n < 2 * BEGINNING_SAMPLES else 2e-4
+        pace.arrived(n, 100.0 + (n + gone) / RATE_HZ + delay_s)
+        assert pace.on_time == (not gone)
+
+
 def test_an_interrupted_start_is_worth_another() -> None:
     """A command that took longer than usual leaves the beginning in doubt."""
     pace = Pace(RATE_HZ, 10.0, latency := Latency())

@@ -73,3 +73,19 @@ def test_a_fit_offline_warns_in_the_same_words():
     told = report({"model": "kv", "outcome": outcome, "flags": flags})
     assert SENTENCES["references_contradicted"] in told
     assert SENTENCES["not_converged"] not in told
+
+
+def test_a_fit_of_several_hits_says_which_of_them_warn():
+    """First of all, with their number and the first names; what all of it says is not repeated."""
+    outcome = {"status": "converged", "message": "The fit converged."}
+    wrong = {"flags": ["residual_above_noise", "restitution_disagrees"]}
+    shots = [{"name": f"drop-{number}", **wrong, "pair": "a/b"} for number in range(5)]
+    shots.append({"name": "drop-5", "flags": [], "pair": "a/b"})
+    document = {"model": "kv", "outcome": outcome, "flags": ["residual_above_noise"]}
+    told = " ".join(report({**document, "shots": shots}).split())
+    assert told.startswith("Model kv: The fit converged. Mind that")
+    which = "5 of 6 hits (drop-0, drop-1, drop-2, drop-3, ...)"
+    assert f"{which}: {SENTENCES['restitution_disagrees']}" in told
+    assert told.count(SENTENCES["residual_above_noise"]) == 1
+    alone = report({**document, "shots": shots[:1]})
+    assert "drop-0: the bounce" in alone

@@ -195,7 +195,9 @@ def test_a_quantity_shows_two_digits_of_its_uncertainty(quantity, said):
 def test_export_refuses_an_unknown_shot(tmp_path):
     """A shot that is not there is named."""
     where = ("--config", CONFIG, "--data", tmp_path / "data")
-    assert "shot 7" in failed(run("export", 7, "--out", tmp_path / "out", *where))
+    run("token", "create", "--scope", "read", *where)
+    told = failed(run("export", 7, "--out", tmp_path / "out", *where))
+    assert "no shot 7. `impactd shots`" in told
 
 
 def test_python_m_impactd_and_the_console_script_are_the_same():
@@ -203,3 +205,47 @@ def test_python_m_impactd_and_the_console_script_are_the_same():
     script = Path(sys.executable).with_name("impactd")
     said = subprocess.run([script, "--version"], capture_output=True, text=True, check=True).stdout
     assert said == run("--version").stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("schema", "foo"), "'foo' is not one of 'campaign', 'fit'"),
+        (("shots", "abc"), "'abc' cannot be taken; it must be a whole number."),
+        (("shots", "--limit", "0"), "'0' cannot be taken; it must be greater than or equal to 1."),
+        (("diagnose", "x", "--report", "/none/x.html"), "there is no folder /none. Make it"),
+        (("diagnose", "x", "--report", "x.pdf"), "x.pdf must end in .html."),
+        (("fit", "x", "--csv", "/"), "/ is a folder; name a file in it."),
+        (("plot", "9", "--out", "x.docx"), "x.docx must end in .pdf or .svg or .png."),
+        (("budget", "9"), "`impactd moduli --budget` has that of stored shots"),
+    ],
+)
+def test_a_wrong_argument_is_told_before_anything_runs(words, said):
+    """In plain words, with what would be right."""
+    result = run(*words)
+    assert result.returncode == 2, result
+    assert said in result.stderr
+    for foreign in ("Value error", "Input should", "Traceback"):
+        assert foreign not in result.stderr
+
+
+def test_what_reads_an_archive_begins_none(tmp_path):
+    """A wrong folder is told; nothing is made there."""
+    there = tmp_path / "elsewhere"
+    for words in (("verify",), ("export", 9)):
+        told = failed(run(*words, "--config", CONFIG, "--data", there))
+        assert f"{there} holds no archive. Give --data" in told
+    assert not there.exists()
+
+
+def test_an_effect_that_the_simulator_lacks_is_told_before_the_demo_begins(tmp_path):
+    """With those that it knows; an earlier demo stays."""
+    told = failed(run("demo", "--effect", "foo", "--out", tmp_path / "demo"))
+    assert "no effect 'foo'; it knows none, random, adhesion" in told
+    assert not (tmp_path / "demo").exists()
+
+
+def test_a_refit_with_a_model_that_nobody_knows_writes_no_fit(tmp_path):
+    """It says which there are."""
+    words = ("refit", "--model", "foo", "--config", CONFIG, "--data", tmp_path / "data")
+    assert "no base model 'foo'; known are hsd, kv, kv2" in failed(run(*words))

@@ -114,3 +114,26 @@ def test_a_shot_shows_temperature_and_humidity_where_they_are_known(visitor):
     circumstances = page.get_by_role("region", name="Conditions")
     circumstances.get_by_text("21.30 ± 0.39 °C, 45.0 ± 3.9 %").wait_for()
     visitor.assert_clean()
+
+
+def test_a_shot_is_shown_when_its_traces_do_not_come(visitor):
+    """The numbers stay, each picture says why it is missing, and both come once the line holds."""
+    page = visitor.page
+    visitor.sign_in()
+    page.locator(".go button[aria-disabled=false]").wait_for()
+    shot = page.evaluate(_ANALYSED, page.evaluate(_WARM_DROP))
+    page.route("**/trace?**", lambda route: route.abort())
+    page.goto(f"{visitor.daemon.url}/#/shots/{shot}")
+    result = page.get_by_role("region", name="Result")
+    record = page.get_by_role("region", name="The whole record")
+    for place in (result, record):
+        place.get_by_text("The daemon does not answer.").wait_for()
+    told = result.locator(".verdict .modulus").inner_text()
+    page.unroute("**/trace?**")
+    visitor.context.set_offline(True)
+    page.get_by_role("alert").filter(has_text="The connection is lost.").wait_for()
+    assert result.locator(".verdict .modulus").inner_text() == told
+    visitor.context.set_offline(False)
+    for place in (result, record):
+        place.locator(".js-plotly-plot").wait_for()
+    assert result.locator(".verdict .modulus").inner_text() == told

@@ -239,7 +239,8 @@ def test_a_diagnosis(drops):
 
     It fits the first hits alone, from the cell's certificate; a joint fit also fits later bounces.
     """
-    files = {one: drops.folder / f"found.{one}" for one in ("json", "csv", "report", "pdf")}
+    endings = {"json": "json", "csv": "csv", "report": "html", "pdf": "pdf"}
+    files = {one: drops.folder / f"found.{ending}" for one, ending in endings.items()}
     options = [word for one, file in files.items() for word in (f"--{one}", file)]
     said = drops.command("diagnose", *drops.shots, *options)
     found, table = drops.json("found.json"), rows_of(files["csv"])

@@ -66,6 +66,36 @@ def test_a_dragged_csv_becomes_a_modulus(daemon, browser, size):
     visitor.context.close()
 
 
+def test_a_table_of_drops_and_the_rigs_materials_fill_the_form(visitor):
+    """Dragged in with the recordings; a set that is not needed any more is deleted."""
+    page = visitor.page
+    files, _ = simulated_csv()
+    table = "name;sphere;surface;drop_height_mm\n" + "".join(
+        f"{file};acetal;specimen;{height}\n"
+        for file, height in zip(files, ("19,1", "44,4", "19,1", "44,4"), strict=True)
+    )
+    visitor.sign_in()
+    visitor.go("Own recordings")
+    dragged = {name: text.decode() for name, text in files.items()}
+    page.evaluate(DROP, [*dragged.items(), ("drops.csv", table)])
+    page.get_by_role("heading", name=": 4 hits").wait_for()
+    assert page.get_by_label("Drop height of drop-2 / mm").input_value() == "44.4"
+    assert page.get_by_label("Sphere of drop-1", exact=True).input_value() == "acetal"
+    assert page.get_by_role("textbox", name="Radius / mm", exact=True).input_value() == ""
+    page.get_by_label("Take a sphere of the rig").select_option("acetal")
+    assert page.get_by_role("textbox", name="Radius / mm", exact=True).input_value() == "4.76"
+    page.get_by_label("Take a coupon of the rig").select_option("aluminium")
+    assert page.get_by_label("Coupon of drop-1", exact=True).input_value() == "specimen"
+    assert page.evaluate(TOO_SMALL) == []
+    assert serious(page) == []
+    name = page.evaluate("location.hash").rpartition("/")[2]
+    page.get_by_text("Delete these recordings").click()
+    page.get_by_role("button", name=f"Delete {name}").click()
+    page.get_by_role("heading", name="Earlier recordings").wait_for()
+    assert page.get_by_role("link", name=name).count() == 0
+    assert visitor.complaints == []
+
+
 @pytest.mark.slow
 def test_a_file_that_is_no_recording_says_what_to_do(visitor):
     """What, why and what to do, in the page's own words; the fields that help are open."""

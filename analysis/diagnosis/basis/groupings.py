@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -137,6 +138,28 @@ class Sizes:
             if either_sign or self.common(names)[0] > 0.0
         ]
         return sorted(found, key=lambda only: -self.promise(only))
+
+    def each_of(self, names: Sequence[str]) -> float:
+        """Return the squares that a size for each of some materials explains."""
+        inside = np.isin(self.names, names)
+        score = (self.information @ self.values)[inside]
+        known = self.information[np.ix_(inside, inside)]
+        return float(score @ np.linalg.lstsq(known, score, rcond=LEAST_INFORMATION)[0])
+
+    def needing_own_size(self, price: float) -> tuple[ActsOn | None, float]:
+        """Return the materials that need a size, each its own, and what this is worth in squares.
+
+        One material after the other is left out, that which costs least, each size at a price. None
+        where all need one, or only one does.
+        """
+        left, best, most = self.names, None, self.gain - price * len(self.names)
+        while len(left) > 2:
+            _, left = max((self.each_of(some), some) for some in combinations(left, len(left) - 1))
+            worth = self.each_of(left) - price * len(left)
+            worth -= price_of_choice(len(left), len(self.names))
+            if worth > most:
+                best, most = ActsOn(self.kind, left), worth
+        return best, most
 
     def promise(self, only: ActsOn) -> float:
         """Return the squares that a set's common size explains, less the price of its choice."""

@@ -125,6 +125,16 @@ def proposals(problem: JointProblem) -> tuple[list[Proposal], dict[str, str]]:
     return found, refused
 
 
+def effects_of_one_number(problem: JointProblem) -> list[Proposal]:
+    """Return the effects whose only number is a size, in their usual form; of each the first start.
+
+    To first order such an effect has one column, and nothing about it has to be guessed.
+    """
+    usual = (p for p in proposals(problem)[0] if p.effect.id == p.effect_id)
+    first = {p.effect_id: p for p in usual if p.amplitude == 0 and len(p.coordinates) == 1}
+    return list(first.values())
+
+
 def column(
     proposal: Proposal, models: tuple[ImpactModel, ImpactModel], local: Array, item: FitShot,
     base: Array, *, coupon_share: float = 1.0,

@@ -87,6 +87,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     said = [
         *wording.base_sentences(diagnosis),
         *wording.set_aside_sentences(diagnosis.set_aside),
+        *wording.polarity_sentences(before),
         wording.verdict_sentence(
             diagnosis, before, after, wording.moved_moduli(base["moduli"], stated["moduli"])
         ),

@@ -139,6 +139,18 @@ def set_aside_sentences(set_aside: Sequence[SetAside]) -> list[str]:
     return [*said, rest] if said else []
 
 
+def polarity_sentences(result: FitResult) -> list[str]:
+    """Return which records are upside down where others are not; nothing where all are alike."""
+    turned = [one.item.shot.name for one in result.shots if one.item.window.polarity < 0]
+    if not 0 < len(turned) < len(result.shots):
+        return []
+    records, are = ("record", "is") if len(turned) == 1 else ("records", "are")
+    return [
+        f"The {records} {', '.join(turned)} {are} upside down and the others are not: check how "
+        "the load cell was wired then. They are judged with their sign turned."
+    ]
+
+
 def form_sentences(diagnosis: Diagnosis) -> list[str]:
     """Return a sentence for each effect of which the data do not tell the form."""
     said = []
@@ -187,12 +199,18 @@ def base_sentences(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def _mistake_sentence(diagnosis: Diagnosis, noise: str) -> str:
+def _mistake_sentence(diagnosis: Diagnosis, names: str, noise: str) -> str:
+    """Return it; ``names`` are the effects beside the mistake, empty of none."""
     found, *near = (one.sentence for one in diagnosis.mistakes)
-    said = f"A mistake, not an effect: {found}; without it only noise is left ({noise})."
+    kind, without = "A mistake, not an effect", "without it"
+    if names:
+        kind, without = f"Found: {names}, and a mistake", "with the effect and without the mistake"
+    said = f"{kind}: {found}; {without} only noise is left ({noise})."
     rivals = [*near, *diagnosis.effects_as_good]
     if rivals:
         said += f" These data cannot distinguish it from: {'; '.join(rivals)}."
+    elif diagnosis.confusable:
+        said += f" Instead of the effect it may be {' or '.join(diagnosis.confusable)}."
     elif diagnosis.verdict == "family":
         said += " The time was over before it was compared with every effect."
     return said
@@ -218,7 +236,7 @@ def verdict_sentence(
     noise = f"the noise is {floor} {unit}"
     structured = diagnosis.steps[-1].score_test.structured
     if diagnosis.mistakes:
-        said = _mistake_sentence(diagnosis, f"{floor} {unit}")
+        said = _mistake_sentence(diagnosis, names, f"{floor} {unit}")
     elif diagnosis.verdict == "adequate":
         said = f"The model {before.model} explains the data: its residual is {_noise_left(before)}."
     elif diagnosis.verdict == "identified":
@@ -318,7 +336,7 @@ def on_materials(some: ActsOn, problem: JointProblem) -> str:
 
 
 def _noise_left(result: FitResult) -> str:
-    """Return what a residual is that is noise, and that it rises like 1/f where it does."""
+    """Return what a residual is that is noise, and below which frequency it rises."""
     noises = [s.item.noise for s in result.shots]
     if any(noise.coarse is not None for noise in noises):
         return (
@@ -326,8 +344,11 @@ def _noise_left(result: FitResult) -> str:
             "limits what these data can show"
         )
     rates = [s.item.frame.sample_rate_hz for s in result.shots]
-    corner = max((n.corner * rate for n, rate in zip(noises, rates, strict=True)), default=0.0)
-    return f"noise, which rises like 1/f below {frequency(corner)}" if corner > 0.0 else "noise"
+    slow = [(n.corner * rate, n) for n, rate in zip(noises, rates, strict=True) if n.corner > 0.0]
+    if not slow:
+        return "noise"
+    corner, noise = max(slow, key=lambda one: one[0])
+    return f"noise, which rises like {noise_kind(noise)} below {frequency(corner)}"
 
 
 def _unknown(diagnosis: Diagnosis, before: FitResult) -> str:
@@ -404,13 +425,13 @@ def beside_mean_waveform(
 
 # -- the noise -----------------------------------------------------------------------------------
 def noise_kind(noise: NoiseModel) -> str:
-    """Return ``white``, ``autoregressive``, ``1/f``, ``quantisation`` or ``unknown colour``."""
+    """Return the kind of noise in a word or two, from ``white`` to ``unknown colour``."""
     if noise.source == "differences":
         return "unknown colour"
     if noise.coarse is not None:
         return "quantisation"
     if noise.corner > 0.0:
-        return "1/f"
+        return "1/f" if noise.slope == 1 else f"1/f^{noise.slope}"
     return "autoregressive" if noise.order else "white"
 
 
@@ -423,6 +444,11 @@ def noise_sentences(noise: NoiseModel, rate_hz: float) -> list[str]:
             "differences of neighbouring samples, its colour is not known, and structure may be "
             "colour."
         ]
+    if noise.source == "end":
+        return [
+            "No record has a quiet interval before the pulse: the noise is that of the ends of the "
+            "records, once the ringing has died away."
+        ]
     if noise.coarse is not None:
         return [
             f"Quantisation limits: the converter's step is {two_digits(1.0 / noise.coarse.noise)} "
@@ -431,12 +457,11 @@ def noise_sentences(noise: NoiseModel, rate_hz: float) -> list[str]:
             "one value."
         ]
     like = {
-        "1/f": f"rises like 1/f below {frequency(noise.corner * rate_hz)}",
         "autoregressive": (
             f"is correlated from sample to sample (autoregressive, order {noise.order})"
         ),
         "white": "is white",
-    }[kind]
+    }.get(kind, f"rises like {kind} below {frequency(noise.corner * rate_hz)}")
     judged = "" if kind == "white" else "; the tests of residuals account for that"
     said = [f"The noise before the trigger {like}{judged}."]
     far = CRITERIA.twice * noise.drift_expected_rms

@@ -28,12 +28,19 @@ from impactd.wire.recordings_answers import (
     RecordedFile,
     RecordingsAnswer,
     RecordingsPage,
+    StatedValues,
 )
 from impactd.wire.rig_answers import DiagnosisAnswer
 
 router = APIRouter(prefix="/v1/recordings", tags=["recordings"])
 _MOST_DIAGNOSES = 50
 """The newest of all that are looked through for those of a set."""
+_BINARY = {
+    "requestBody": {
+        "required": True,
+        "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+    }
+}
 _PAUSE_S = 0.005
 """Between the parts (64 KiB and more) of all uploads: an abort goes round the same loop."""
 
@@ -52,17 +59,16 @@ def show_recordings(name: SetName, daemon: TheDaemon) -> RecordingsAnswer:
     return _answer(daemon, daemon.recordings.get(name), jobs)
 
 
-@router.put(
-    "/{name}/files/{file}",
-    openapi_extra={
-        "requestBody": {
-            "required": True,
-            "content": {
-                "application/octet-stream": {"schema": {"type": "string", "format": "binary"}}
-            },
-        }
-    },
-)
+@router.delete("/{name}", status_code=204)
+def delete_recordings(name: SetName, daemon: TheDaemon) -> None:
+    """Delete recordings with what was made of them; their diagnoses stay, with their documents.
+
+    The event of the request says who did it and when. Not while a diagnosis of them is under way.
+    """
+    daemon.recordings.delete(name)
+
+
+@router.put("/{name}/files/{file}", openapi_extra=_BINARY)
 async def upload_recording(
     name: SetName, file: FileName, request: Request, daemon: TheDaemon
 ) -> RecordedFile:
@@ -71,14 +77,32 @@ async def upload_recording(
     It is text (also gzip), npy, npz, wav, uff, tdms or lvm. The set begins with
     its first file. The same file may come again; nothing is overwritten.
     """
+    content = await _body(request)
+    await anyio.to_thread.run_sync(daemon.recordings.keep, name, file, content)
+    return RecordedFile(name=file, size_bytes=len(content))
+
+
+@router.put("/{name}/drops", openapi_extra=_BINARY)
+async def state_drops(name: SetName, request: Request, daemon: TheDaemon) -> StatedValues:
+    """State which drop was which by a table, as `impactd new --drops` reads it.
+
+    Its columns are `name` (a file or a shot), `sphere`, `surface` and `drop_height_mm`.
+    """
+    content = await _body(request)
+    return StatedValues(
+        values=await anyio.to_thread.run_sync(daemon.recordings.keep_drops, name, content)
+    )
+
+
+async def _body(request: Request) -> bytes:
+    """Return what is uploaded, taken in small parts."""
     limits: Limits = request.app.state.limits
     content = bytearray()
     async for part in request.stream():
         content += part
         async with limits.uploads:
             await anyio.sleep(_PAUSE_S)
-    await anyio.to_thread.run_sync(daemon.recordings.keep, name, file, bytes(content))
-    return RecordedFile(name=file, size_bytes=len(content))
+    return bytes(content)
 
 
 @router.post("/{name}/reading")
@@ -146,6 +170,8 @@ def _answer(daemon: Daemon, found: RecordingSet, jobs: list[Job]) -> RecordingsA
             diagnosis_answer(job, daemon.jobs.progress(job.id), whole=False)
             for job in jobs
             if job.payload.get(RECORDINGS_NAME) == found.name
+            # not of deleted recordings that had this name
+            and (daemon.archive.directory / job.payload["campaign"]).exists()
         ],
         links={
             "self": at,

@@ -6,9 +6,11 @@ import dataclasses
 
 import pytest
 
-from analysis.diagnosis.backward_elimination import revised
+from analysis.diagnosis import backward_elimination
+from analysis.diagnosis.backward_elimination import revised, without_needless
 from analysis.diagnosis.basis.proposals import rescoped
 from analysis.diagnosis.candidate import Refit, extended, refitted
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.selection import Selection, Step
 from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect
@@ -79,3 +81,20 @@ def test_the_grouping_of_the_first_effect_is_asked_again_beside_the_second(base:
     assert found.adequate
     loss = next(c.effect for c in found.chosen if c.effect_id == "hunt_crossley_damping")
     assert loss.only is not None or {p.scope for p in loss.parameters} == {"surface"}
+
+
+def test_an_effect_goes_where_the_others_leave_noise_without_it(
+    base: Selection, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However many squares it takes: the error of another's law may give it some."""
+    loss = effect_named("hunt_crossley_damping")
+    loss = dataclasses.replace(rescoped(loss, "rig"), only=ActsOn("surface", ("specimen",)))
+    slow = _with(base, effect_named("amplifier_lowpass"), CUTOFF_HZ)
+    both = _with(slow, loss, LOSS_S_PER_M, "specimen")
+    three = _with(both, effect_named("sensor_nonlinearity"), 1e-3)
+    assert both.adequate
+
+    ever_ahead = dataclasses.replace(CRITERIA, least_lead=-1e9)
+    monkeypatch.setattr(backward_elimination, "CRITERIA", ever_ahead)
+    left = {c.effect_id for c in without_needless(three).chosen}
+    assert left == {"amplifier_lowpass", "hunt_crossley_damping"}

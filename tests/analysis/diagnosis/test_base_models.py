@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import pytest
 
 from analysis.diagnosing import diagnose
-from analysis.diagnosis.procedure import diagnose_campaign
+from analysis.diagnosis.procedure import _base, _effect_leads, diagnose_campaign
+from analysis.diagnosis.progress import Watch
+from drivers.simulated.effects import make_effect
 
 from .conftest import campaign_with, small_campaign
 
@@ -41,3 +44,35 @@ def test_the_laws_that_a_drawn_rig_leaves_out_are_found(
     document = diagnose(campaign_with(tmp_path, (), "drawn", seed))
     assert (document["verdict"], document["before"]["model"]) == ("adequate", base)
     assert f"obey {base} rather than" in document["sentence"]
+
+
+@pytest.mark.slow
+def test_a_coupon_that_is_stated_ten_times_too_light_is_no_other_base(tmp_path: Path) -> None:
+    """It seems not to ride on the crystal; its mass explains all on the base that the rig obeys."""
+    whole = campaign_with(tmp_path, (), "closed", 3)
+    coupon = whole.surfaces["aluminium"]
+    light = dataclasses.replace(coupon, coupon_mass_kg=0.1 * coupon.coupon_mass_kg)
+    found = diagnose_campaign(
+        dataclasses.replace(whole, surfaces={**whole.surfaces, "aluminium": light})
+    )
+    assert found.steps[0].problem.model.base_name == "kv2"
+    (mistake,) = found.mistakes
+    assert (mistake.id, mistake.name) == ("wrong_mass", "aluminium")
+    mass, u, _ = mistake.parameters["coupon_mass_kg"]
+    assert abs(mass - coupon.coupon_mass_kg) < 3.0 * u
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rig", "seed", "mixed", "leads"),
+    [("closed", 3, "kv2-reaction", True), ("drawn", 42, "kv2-reaction", False)],
+    ids=["a closed rig", "a rig without that law"],
+)
+def test_an_effect_on_the_closed_base_is_held_against_a_mixed_one(
+    tmp_path: Path, rig: str, seed: int, mixed: str, leads: bool
+) -> None:
+    """Beside the same coupler, the base that the rig obeys has more evidence."""
+    coupler = make_effect("coupler_highpass", {"time_constant_s": 5e-3})
+    whole = campaign_with(tmp_path, (coupler,), rig, seed)
+    default, other = (_base(whole, base, Watch()) for base in ("kv2", mixed))
+    assert _effect_leads(default, other, Watch()) == leads

@@ -39,6 +39,17 @@ def test_the_materials_that_feel_it_come_first(acting: tuple[str, ...]) -> None:
     assert len(found) <= 2 * (len(NAMES) - 1)
 
 
+def test_each_of_some_has_a_size_of_its_own() -> None:
+    """Two materials of unlike size, and one whose small size is not worth a number."""
+    known = np.diag([900.0, 400.0, 100.0, 100.0])
+    found, worth = sizes(np.array([1.0, 2.0, 0.2, 0.0]), known).needing_own_size(12.0)
+    assert found == ActsOn("surface", ("a", "b"))
+    assert worth == pytest.approx(900.0 + 1600.0 - 2 * 12.0 - price_of_choice(2, 4))
+    every, worth = sizes(np.array([1.0, 2.0, 1.0]), known[:3, :3]).needing_own_size(12.0)
+    assert every is None
+    assert worth == pytest.approx(900.0 + 1600.0 + 100.0 - 3 * 12.0)
+
+
 def test_no_set_beyond_the_candidates_explains_more() -> None:
     """Where materials inform independently, the best of all sets of a number is a candidate."""
     rng = np.random.default_rng(5)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.campaign import Campaign, Quantity
+from analysis.campaign import Campaign, Quantity, Shot
 from analysis.diagnosing import diagnose
 from analysis.diagnosis import mistakes
 from analysis.diagnosis.mistakes import Mistake, named_mistake
@@ -24,6 +24,8 @@ from drivers.simulated.effects import make_effect
 from drivers.simulated.effects.effect import Effect
 from drivers.simulated.mistakes import draw_mistake, make_mistake
 from impactd.storage.campaign_folder import read_campaign
+
+COUPON = "polycarbonate"
 
 
 def campaign(folder: Path, *effects: Effect) -> Campaign:
@@ -63,6 +65,24 @@ def with_height(whole: Campaign, by: float) -> Campaign:
         for s in whole.shots
     )
     return dataclasses.replace(whole, shots=tuple(shots))
+
+
+def with_level(whole: Campaign, added: Callable[[Shot], float]) -> Campaign:
+    """Return a campaign in which something is added to each shot's height. [m]"""
+    shots = (
+        dataclasses.replace(s, drop_height_m=s.drop_height_m + added(s))
+        for s in whole.shots
+        if s.drop_height_m is not None
+    )
+    return dataclasses.replace(whole, shots=tuple(shots))
+
+
+def radius_of(whole: Campaign, shot: Shot) -> float:
+    """Return the radius of a shot's sphere. [m]"""
+    assert shot.sphere is not None
+    radius = whole.spheres[shot.sphere].radius_m
+    assert radius is not None
+    return radius
 
 
 def with_modulus(whole: Campaign, by: float) -> Campaign:
@@ -113,6 +133,51 @@ def test_a_wrong_height_of_a_series_is_told_from_one_mass(clean: Campaign) -> No
     assert value == pytest.approx(stated / 1.2, rel=0.02)
     restated = {s.drop_height_m for s in found.restated.shots}
     assert stated not in restated
+
+
+def test_heights_from_the_centre_of_the_spheres_are_told(clean: Campaign) -> None:
+    """All are too large by one radius of their sphere; those from the coupon are right again."""
+    wrong = with_level(clean, lambda s: radius_of(clean, s))
+    found = likeliest(wrong)
+    assert (found.id, found.kind, found.name) == ("wrong_height", "rig", "all")
+    value, u, unit = found.parameters["height_offset_radii"]
+    assert unit == "1"
+    assert u is not None
+    assert abs(value + 1.0) < 4.0 * u
+    assert found.sentence.startswith("all heights are stated too large by ")
+    for again, right in zip(found.restated.shots, clean.shots, strict=True):
+        assert again.drop_height_m is not None
+        assert right.drop_height_m is not None
+        assert abs(again.drop_height_m - right.drop_height_m) < 4.0 * u * radius_of(clean, right)
+
+
+def test_half_a_radius_is_no_level_that_heights_are_measured_from(clean: Campaign) -> None:
+    """Nobody reads a height there: what looks like it has another cause, and is not named so."""
+    wrong = with_level(clean, lambda s: 0.5 * radius_of(clean, s))
+    told = mistakes._likeliest(base_of(wrong))
+    assert not any("height_offset_radii" in one.parameters for one in told)
+
+
+def test_heights_above_one_coupon_from_another_level_are_told(clean: Campaign) -> None:
+    """It is thicker than the others, say."""
+    found = likeliest(with_level(clean, lambda s: 2e-3 if s.surface == COUPON else 0.0))
+    assert (found.id, found.kind, found.name) == ("wrong_height", "surface", COUPON)
+    value, u, _ = found.parameters["height_offset_m"]
+    assert u is not None
+    assert abs(value + 2e-3) < 4.0 * u
+
+
+def test_a_wrong_mass_of_a_coupon_is_told(clean: Campaign) -> None:
+    """It rides on the crystal."""
+    coupon = clean.surfaces[COUPON]
+    assert coupon.coupon_mass_kg is not None
+    heavier = dataclasses.replace(coupon, coupon_mass_kg=1.4 * coupon.coupon_mass_kg)
+    wrong = dataclasses.replace(clean, surfaces={**clean.surfaces, COUPON: heavier})
+    found = likeliest(wrong)
+    assert (found.id, found.kind, found.name) == ("wrong_mass", "surface", COUPON)
+    value, u, _ = found.parameters["coupon_mass_kg"]
+    assert u is not None
+    assert abs(value - coupon.coupon_mass_kg) < 4.0 * u
 
 
 def test_a_gain_that_is_switched_is_found_at_its_shot(clean: Campaign) -> None:
@@ -301,3 +366,19 @@ def test_figures_have_two_digits_of_their_uncertainty(
 ) -> None:
     """In a unit that a person would use."""
     assert mistakes._figure(value, unit, u) == said
+
+
+@pytest.mark.slow
+def test_an_effect_and_a_mistake_are_named_together(tmp_path: Path) -> None:
+    """A coupler that forgets, and a gain that is switched half-way."""
+    effect = make_effect("coupler_highpass", {"time_constant_s": 5e-3})
+    whole = campaign(tmp_path, effect)
+    at = len(whole.shots) // 2
+    found = diagnose(amplified(whole, lambda i: 0.95 if i >= at else 1.0))
+    assert found["verdict"] == "identified"
+    assert [one["id"] for one in found["effects"]] == ["coupler_highpass", "change_point"]
+    coupler, change = (one["parameters"] for one in found["effects"])
+    low, high = coupler["time_constant_s"]["interval95"]
+    assert low < 5e-3 < high
+    assert change["first_shot"]["value"] == at
+    assert found["sentence"].startswith("Found: ")

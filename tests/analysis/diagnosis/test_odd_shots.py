@@ -112,6 +112,18 @@ def test_another_gain_and_another_height_are_told_by_their_size(clean: Campaign)
     assert one.likely["drop_height_m"] == pytest.approx(height, rel=0.03)
 
 
+def test_a_record_that_is_a_copy_of_another_is_told(clean: Campaign) -> None:
+    """Whatever its own drop was like, it is not in the record."""
+    other = next(
+        at for at, shot in enumerate(clean.shots) if shot.sphere != clean.shots[AT].sphere
+    )
+    rest = rest_of(changed(clean, AT, signal=clean.shots[other].signal))
+    assert rest is not None
+    (one,) = rest.set_aside
+    assert one.shot == AT
+    assert f"Its record is a copy of that of shot {other} " in one.because
+
+
 def test_a_label_that_draws_the_whole_fit_off(clean: Campaign) -> None:
     """Where every shot is far from the model that all of them share."""
     odd = changed(clean, AT, signal=40.0 * clean.shots[AT].signal)

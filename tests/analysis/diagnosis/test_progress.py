@@ -79,7 +79,7 @@ def test_a_watch_ends_a_search_once_its_time_is_over_and_says_at_what() -> None:
         with pytest.raises(BudgetSpentError):
             watch.check()
         clock.now_s += 1.0
-        watch("Verdict (8 of 9): where does it live?", 0.0)
+        watch("Verdict (7 of 9): where does it live?", 0.0)
     assert watch.ended is not None
     assert watch.ended.to_json() == {
         "budget_s": BUDGET_S,
@@ -118,7 +118,19 @@ def test_a_step_is_told_once_for_all_that_it_does() -> None:
     ):
         progress(step.told(what), 0.1)
     assert told == ["Base fit (2 of 9): kv2", "Candidates (4 of 9): trying echo",
-                    "Verdict (8 of 9): where?"]  # fmt: skip
+                    "Verdict (7 of 9): where?"]  # fmt: skip
+
+
+def test_a_step_is_never_told_after_a_later_one() -> None:
+    """A search returns to earlier questions: they belong to the step that it has come to."""
+    told: list[str] = []
+    watch = Watch(lambda text, share: told.append(text))
+    for step in (MethodStep.CANDIDATES, MethodStep.ON_TOP, MethodStep.COMPARE, MethodStep.VERDICT):
+        watch(step.told("trying echo"), 0.5)
+    assert [text.partition(": ")[0] for text in told] == [
+        "Candidates (4 of 9)", "Another effect on top? (6 of 9)",
+        "Another effect on top? (6 of 9)", "Verdict (7 of 9)",
+    ]  # fmt: skip
 
 
 def test_less_time_than_the_base_fit_takes_still_gives_a_document(leaking: Campaign) -> None:

@@ -21,6 +21,7 @@ from analysis.diagnosis.document.wording import (
     dependence,
     frequency,
     noise_sentences,
+    polarity_sentences,
     times_noise,
     told_apart,
     two_digits,
@@ -54,6 +55,7 @@ def _changed(**changes: object) -> NoiseModel:
         (PLAIN, "white"),
         (_changed(coefficients=np.array([0.3])), "order 1"),
         (_changed(coefficients=np.full(99, 1e-3), corner=4.6e-3), "1/f below 4.6 kHz"),
+        (_changed(coefficients=np.full(99, 1e-3), corner=5e-3, slope=2), "1/f^2 below 5 kHz"),
         (_changed(source="differences"), "colour is not known"),
         (_changed(coarse=Coarse(3e-3, 0.125, 0.02)), "step is 8 times the noise"),
     ],
@@ -106,6 +108,23 @@ def test_one_entry_for_each_instrument(clean) -> None:
     assert entry["quantity"] == "voltage"
     assert entry["kind"] in ("white", "autoregressive", "1/f")
     assert found["said"]
+
+
+def test_records_upside_down_are_told_where_others_are_not(clean) -> None:
+    """Somebody exchanged two wires for a time; a rig that is wired so all the time is no news."""
+
+    def said(turned: int) -> list[str]:
+        shots = tuple(
+            dataclasses.replace(shot, signal=-shot.signal) if at < turned else shot
+            for at, shot in enumerate(campaign.shots)
+        )
+        problem = build(dataclasses.replace(campaign, shots=shots), model_named("kv2"))
+        return polarity_sentences(as_fit_result(problem, clean.steps[0].fitted))
+
+    campaign = clean.steps[0].problem.campaign
+    assert said(0) == said(len(campaign.shots)) == []
+    (two,) = said(2)
+    assert two.startswith(f"The records {campaign.shots[0].name}, {campaign.shots[1].name} are")
 
 
 @pytest.mark.parametrize("family", sorted(LEARNED | {family for family, _ in ASKED}))

@@ -89,3 +89,17 @@ def test_a_wrong_height_offset_is_a_conflict_too(made: tuple[Any, Campaign]) -> 
     worst = result.conflicts[0]
     assert worst.path == "release.height_offset_u_m"
     assert worst.found.value == pytest.approx(-3e-3, abs=5e-4)
+
+
+def test_a_model_that_misses_something_does_not_send_people_to_check_everything(
+    made: tuple[Any, Campaign],
+) -> None:
+    """HSD has no cell that rings: what it contradicts is listed, the worst alone in a sentence."""
+    result = fit_campaign(_bound(made[1]), "hsd", heldout=False)
+    assert len(result.conflicts) > 1
+    assert not result.explained_by_a_statement
+    said = result.contradictions()
+    assert said[0] == result.conflicts[0].sentence
+    assert all(one.path in said[1] for one in result.conflicts[1:])
+    assert "misses something else" in said[2]
+    assert not any(one.sentence in " ".join(said) for one in result.conflicts[1:])

@@ -41,6 +41,24 @@ def test_inverted_records_are_turned_round(shot: Shot) -> None:
     assert inverted.baseline == upright.baseline
 
 
+def test_the_end_tells_the_noise_where_no_record_has_a_beginning(shot: Shot) -> None:
+    """Cut off at touch-down, a record still has what comes after the ring."""
+    whole = campaign_noise([shot])
+    late = [dataclasses.replace(shot, signal=shot.signal[905:], trigger_index=0)]
+    found = campaign_noise(late)
+    assert (whole.source, found.source) == ("pre-trigger", "end")
+    assert found.is_measured
+    assert found.rms == pytest.approx(whole.rms, rel=0.1)
+
+
+def test_a_ring_to_the_end_is_no_noise(shot: Shot) -> None:
+    """The level is then a guess, from differences of neighbouring samples."""
+    short = [dataclasses.replace(shot, signal=shot.signal[905:1400], trigger_index=0)]
+    found = campaign_noise(short)
+    assert found.source == "differences"
+    assert not found.is_measured
+
+
 def swinging(first: float, sign: float) -> Shot:
     """Return a push of that height at sample 1500, 50 samples wide, before larger swings."""
     x = np.zeros(4000)
@@ -115,13 +133,6 @@ def test_quiet_part_ends_before_the_touch(shot: Shot) -> None:
     quiet = quiet_part(shot)
     assert 800 < quiet.size < 900
     assert np.abs(quiet - 0.01).max() < 0.01
-
-
-def test_noise_of_records_without_quiet_part_says_so(shot: Shot) -> None:
-    """Records that start with the pulse get a level from differences and admit it."""
-    late = dataclasses.replace(shot, signal=shot.signal[890:], trigger_index=10)
-    assert campaign_noise([late]).source == "differences"
-    assert campaign_noise([shot]).source == "pre-trigger"
 
 
 def test_a_precursor_is_no_noise() -> None:

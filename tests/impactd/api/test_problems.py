@@ -48,6 +48,15 @@ def test_a_wrong_method_is_a_405_problem_with_allow(rig):
     assert "GET" in answer.headers["allow"]
 
 
+@pytest.mark.parametrize("path", ["drops", "files/one.csv"])
+def test_a_file_by_a_wrong_method_is_a_405_problem(rig, path):
+    """Where a file is put, the type of a file is not what is wrong with a POST."""
+    kind = {"Content-Type": "application/octet-stream"}
+    answer = rig.operator.post(f"/v1/recordings/mine/{path}", content=b"1,2", headers=kind)
+    problem(answer, "method-not-allowed")
+    assert "PUT" in answer.headers["allow"]
+
+
 @pytest.mark.parametrize("number", ["0", "-1", "x", "1e3", str(2**63), "1.5"])
 def test_a_number_that_is_none_is_a_422_problem(rig, number):
     """A number in the path is a positive integer that JSON can hold."""

@@ -21,14 +21,19 @@ def upload(rig, file: str, content: bytes, *, at: str = AT):
     return rig.operator.put(f"{at}/files/{file}", content=content, headers=BINARY)
 
 
+def upload_all(rig, *, at: str = AT):
+    """Send four simulated recordings; return which drop each was, by the name of its shot."""
+    files, shots = simulated_csv()
+    for file, content in files.items():
+        answer = upload(rig, file, content, at=at)
+        assert answer.status_code == 200, answer.text
+    return shots
+
+
 @pytest.fixture(scope="module")
 def drops(rig):
     """Four uploaded recordings; which drop each was, by the name of its shot."""
-    files, shots = simulated_csv()
-    for file, content in files.items():
-        answer = upload(rig, file, content)
-        assert answer.status_code == 200, answer.text
-    return shots
+    return upload_all(rig)
 
 
 @pytest.fixture(scope="module")
@@ -182,3 +187,81 @@ def test_an_upload_has_a_size_and_only_uploads_are_files(rig):
     assert answer.json()["limit_bytes"] == 2**25
     other = rig.operator.post("/v1/fits", content=b"{}", headers=BINARY)
     assert other.status_code == 415
+
+
+def test_a_table_of_drops_says_which_drop_was_which(rig):
+    """As the command reads it: decimal commas, names of files; what is no table is refused."""
+    at = "/v1/recordings/with-table"
+    assert rig.operator.put(f"{at}/drops", content=b"name\n", headers=BINARY).status_code == 404
+    upload_all(rig, at=at)
+    table = b"name;sphere;surface;drop_height_mm\r\ndrop-1.csv;acetal;specimen;19,1\r\n"
+    answer = rig.operator.put(f"{at}/drops", content=table, headers=BINARY)
+    assert answer.status_code == 200, answer.text
+    stated = {"sphere": "acetal", "surface": "specimen", "drop_height_m": pytest.approx(0.0191)}
+    assert answer.json()["values"] == {
+        "shots": {"drop-1.csv": stated}, "spheres": {"acetal": {}}, "surfaces": {"specimen": {}}
+    }  # fmt: skip
+    body = {"values": answer.json()["values"]}
+    assert rig.operator.post(f"{at}/reading", json=body).status_code == 200
+    assert rig.reader.get(at).json()["values"] == answer.json()["values"]
+    refused = rig.operator.put(f"{at}/drops", content=b"height;19\n", headers=BINARY)
+    assert refused.status_code == 422
+    assert "The table of drops: has no column name" in refused.json()["detail"]
+
+
+def test_recordings_are_deleted_with_who_and_when_in_the_log(rig, diagnosis):
+    """All of their files; the document of a diagnosis stays."""
+    at = "/v1/recordings/to-delete"
+    upload(rig, "drop-1.csv", simulated_csv()[0]["drop-1.csv"], at=at)
+    assert rig.operator.post(f"{at}/reading", json={}).status_code == 200
+    folder = rig.daemon.archive.directory / "recordings" / "to-delete"
+    assert (folder / "recordings.png").is_file()
+    assert rig.reader.delete(at).status_code == 403
+    assert rig.operator.delete(at).status_code == 204
+    assert rig.reader.get(at).status_code == 404
+    assert not folder.exists()
+    again = rig.operator.delete(at)
+    assert again.status_code == 404
+    assert "There is no recording set to-delete." in again.json()["detail"]
+
+    def deleted():
+        items = rig.reader.get("/v1/log", params={"limit": 20}).json()["items"]
+        return [one for one in items if one["data"].get("path") == at]
+
+    entry = until(deleted, lambda found: len(found) >= 2)[-1]
+    assert entry["data"]["method"] == "DELETE"
+    assert entry["data"]["by"]
+    assert entry["utc"]
+
+
+def test_recordings_under_diagnosis_are_not_deleted(rig):
+    """The diagnosis is named; once it has ended, they go and its document stays."""
+    at = "/v1/recordings/busy"
+    body = {"values": {**VALUES, "shots": upload_all(rig, at=at)}}
+    made = rig.operator.post(f"{at}/diagnoses", json=body).json()
+    refused = rig.operator.delete(at)
+    assert refused.status_code == 409
+    assert f"diagnosis {made['id']}" in refused.json()["detail"]
+    rig.operator.delete(f"/v1/diagnoses/{made['id']}")
+    until(
+        lambda: rig.reader.get(f"/v1/diagnoses/{made['id']}").json(),
+        lambda found: found["state"] in ("done", "cancelled"),
+        limit_s=60,
+    )
+    assert rig.operator.delete(at).status_code == 204
+    assert rig.reader.get(f"/v1/diagnoses/{made['id']}").status_code == 200
+
+
+def test_what_was_read_is_not_read_again_for_a_diagnosis(rig):
+    """The campaign folder of the reading becomes that of the diagnosis."""
+    at = "/v1/recordings/read-once"
+    body = {"values": {**VALUES, "shots": upload_all(rig, at=at)}}
+    assert rig.operator.post(f"{at}/reading", json=body).status_code == 200
+    folder = rig.daemon.archive.directory / "recordings" / "read-once"
+    (read,) = (folder / "reading").iterdir()
+    written = (read / "campaign.json").stat()
+    made = rig.operator.post(f"{at}/diagnoses", json=body).json()
+    (kept,) = (folder / "campaigns").iterdir()
+    assert (kept / "campaign.json").stat() == written
+    assert not any((folder / "reading").iterdir())
+    rig.operator.delete(f"/v1/diagnoses/{made['id']}")

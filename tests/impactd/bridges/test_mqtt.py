@@ -179,6 +179,19 @@ def test_every_event_arrives_over_a_broker_that_restarts(
     assert sorted(seen.values()) == list(range(8))
 
 
+def test_a_broker_that_is_away_is_told_and_that_it_is_back(served: Rig, broker: Broker) -> None:
+    """Each once, on the error output: whoever mistypes a port does not wait in silence."""
+    broker.stop()
+    with bridge(served, "mqtt", "127.0.0.1", "--port", str(broker.port)) as process:
+        assert process.stderr is not None
+        away = process.stderr.readline()
+        assert away.startswith(f"The MQTT broker 127.0.0.1:{broker.port} cannot be used now: ")
+        assert away.endswith("It is tried again until it can.\n")
+        time.sleep(3.0)  # tried once more at least
+        broker.start()
+        assert process.stderr.readline().endswith("is connected.\n")
+
+
 def test_a_file_that_is_no_place_is_named(tmp_path: Path) -> None:
     """A state file with something else in it is refused, with what to do."""
     (tmp_path / "place.json").write_text("[]")

@@ -73,19 +73,20 @@ async def carried(
     ear.enough.clear()
     receiver = Receiver(ear.url, read_secret(SECRET), kinds)
     pauses: list[float] = []
+    said: list[str] = []
 
     async def pause(seconds: float) -> None:
         pauses.append(seconds)
         await asyncio.sleep(0.02)
 
     async with AsyncRig(served.url, served.token("read")) as rig:
-        work = asyncio.create_task(carry(rig, receiver, place, sleep=pause))
+        work = asyncio.create_task(carry(rig, receiver, place, said.append, sleep=pause))
         assert await asyncio.to_thread(ear.enough.wait, 60)
         await asyncio.sleep(0.2)
         work.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await work
-    ear.pauses = pauses
+    ear.pauses, ear.said = pauses, said
 
 
 def test_events_arrive_signed_in_order_and_are_repeated_until_taken(
@@ -102,6 +103,9 @@ def test_events_arrive_signed_in_order_and_are_repeated_until_taken(
     assert [event["data"]["number"] for event in ear.heard] == [0, 1, 2]
     assert ear.ids[:6] == [f"event-{ear.heard[0]['id']}"] * 6
     assert ear.pauses == [1, 2, 4, 8, 16]
+    away, back = ear.said  # each once
+    assert f"cannot be used now: it answered {ear.ids[0]} with " in away
+    assert back == f"The receiver {ear.url} is connected."
     served.daemon.bus.publish("test.counted", {"number": 3})
     asyncio.run(carried(served, ear, Place(tmp_path / "place.json"), 1))
     assert [event["data"]["number"] for event in ear.heard] == [0, 1, 2, 3]

@@ -40,7 +40,7 @@ def test_a_backup_is_the_whole_archive(tmp_path: Path) -> None:
     assert "not empty" in refused.stderr
     made = impactd("restore", str(backup), *where, str(new))
     assert made.returncode == 0, made.stdout + made.stderr
-    assert "1 shots" in made.stdout
+    assert "1 shot and" in made.stdout
     assert impactd("verify", *where, str(new)).returncode == 0
     running = run_daemon(simulated_settings(new))
     rig = next(running)

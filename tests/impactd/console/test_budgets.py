@@ -99,8 +99,8 @@ def test_limits_that_mean_nothing_are_one_sentence(
 def test_a_report_of_no_known_kind_is_refused_before_anything_is_fitted(tmp_path: Path) -> None:
     """The ending says what to write, so a wrong one costs nobody a fit."""
     done = _run("budget", tmp_path, "--report", "budget.doc")
-    assert done.returncode == 1
-    assert "neither .html nor .pdf" in done.stderr
+    assert done.returncode == 2
+    assert "must end in .html or .pdf" in done.stderr
 
 
 def test_a_report_escapes_what_people_typed(tmp_path: Path) -> None:

@@ -94,7 +94,7 @@ def test_a_wrong_key_is_named(settings, tmp_path):
 def test_settings_that_are_not_there_are_named(tmp_path):
     """A path with a typing error."""
     found = told(tmp_path / "none.toml", tmp_path / "data")
-    is_told(found["configuration"], "none.toml", "Correct the named key")
+    is_told(found["configuration"], "none.toml", "--config FILE")
 
 
 def test_materials_are_held_to_what_is_possible(settings, tmp_path):

@@ -17,7 +17,7 @@ from impactd.demo.figures import draw_moduli
 from impactd.demo.outcome import Estimate
 from impactd.demo.report import write_report
 from impactd.demo.terminal import show
-from impactd.demo.words import gigapascals, off_by
+from impactd.demo.words import gigapascals, off_by, true_gigapascals, true_number
 
 Make = Callable[..., Any]
 
@@ -80,6 +80,15 @@ def test_a_withheld_modulus_stays_withheld(outcome_of: Make, diagnosis_of: Make)
     assert off_by(surface.estimates["kv2"], 1.0) == "-"
 
 
+def test_a_truth_has_the_digits_of_the_sharpest_estimate_beside_it() -> None:
+    """So that one number is written alike wherever it stands."""
+    blunt, sharp = (Estimate(1.6e9, u, (1.5e9, 1.7e9)) for u in (14e6, 2.2e6))
+    assert true_gigapascals(1.59546e9, [blunt, None, sharp]) == "1.5955"
+    assert true_gigapascals(1.59546e9, [blunt]) == "1.595"
+    assert true_number(0.7239512, [None]) == "0.72395"
+    assert true_number(1.2074386e-8, [{"value": 1.2e-8, "u": 1e-10}]) == "1.2074e-08"
+
+
 def test_the_page_is_complete_but_for_the_diagnosis_beside_it(
     outcome_of: Make, diagnosis_of: Make, tmp_path: Path
 ) -> None:
@@ -125,7 +134,7 @@ def test_the_load_cell_says_whose_interval_holds_the_truth(
     page = (tmp_path / "report.html").read_text()
     (row,) = re.findall(r"<tr><td>gain_N_per_V</td>.*</tr>", page)
     cells = ["2.30 ± 0.20"] * (2 if calibrated else 1)
-    assert re.findall(r"<td>(.*?)</td>", row) == ["gain_N_per_V", *cells, "2.7", "no"]
+    assert re.findall(r"<td>(.*?)</td>", row) == ["gain_N_per_V", *cells, "2.70", "no"]
     assert "<th>in the 95 % of all drops, closed KV?</th>" in page
     assert ("gave no result: The fit did not converge." in page) is not calibrated
 

@@ -409,19 +409,24 @@ def test_only_so_many_networks_are_kept(archive: Archive, fitted: Callable[..., 
 def test_the_archive_is_taken_in_beforehand_and_the_thread_ends(
     archive: Archive, fitted: Callable[..., int]
 ) -> None:
-    """The thread waits for what is more urgent, takes the fits in, and ends when it is told to."""
+    """The thread waits for what is more urgent, takes the fits in, and ends when it is told to.
+
+    Whoever asks first afterwards gets the network that it adjusted.
+    """
     fitted("aluminium"), fitted()
     urgent = threading.Event()
     service = ModuliService(archive)
-    service.start("kv2", urgent.wait)
+    service.start("kv2", lambda: MATERIALS, urgent.wait)
     urgent.set()
     assert service._thread is not None
     service._thread.join(60)
     assert service._observations["kv2"].version == 2
+    (adjusted,) = service._networks.values()
+    assert service.answer(MATERIALS, model="kv2").lists is adjusted.lists
     service.stop()
 
     waiting = ModuliService(archive)
-    waiting.start("kv2", threading.Event().wait)
+    waiting.start("kv2", lambda: MATERIALS, threading.Event().wait)
     waiting.stop()
     assert not waiting._observations
 

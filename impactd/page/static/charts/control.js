@@ -2,7 +2,7 @@
 
 import { axis, colour, draw, shotAxis } from "./plotly.js";
 import { materials } from "../js/words.js";
-import { K_95, modulusUnit } from "../js/numbers.js";
+import { K_95, counted, modulusUnit } from "../js/numbers.js";
 
 /** Draw a pair's shots, oldest first; those outside the limits have another colour and shape. */
 export function drawControl(place, found, signal) {
@@ -28,6 +28,6 @@ export function drawControl(place, found, signal) {
       shapes: control ? [line(control.centre_Pa, "solid"), line(control.lower_Pa, "dash"), line(control.upper_Pa, "dash")] : [],
       showlegend: false,
     },
-    words: `Reduced modulus of ${found.shots} shots of ${materials(found.sphere, found.surface)}${control ? `; ${control.outside_count} outside the limits` : ""}.`,
+    words: `Reduced modulus of ${counted(found.shots, "shot")} of ${materials(found.sphere, found.surface)}${control ? `; ${control.outside_count} outside the limits` : ""}.`,
   }), signal);
 }

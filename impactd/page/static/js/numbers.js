@@ -83,10 +83,13 @@ export const day = (utc) => (utc ? DAY.format(new Date(utc)) : "–");
 export const moment = (utc) => (utc ? MOMENT.format(new Date(utc)) : "–");
 export const clock = (when) => CLOCK.format(new Date(when));
 
+/** Return how many there are of a thing: "1 shot", "2 shots". */
+export const counted = (count, thing) => `${count} ${thing}${count === 1 ? "" : "s"}`;
+
 /** Return how far off a day is: "in 12 days", "today", "3 days ago". */
 export function inDays(utc) {
   const days = Math.round((new Date(utc) - Date.now()) / 86400e3);
   if (days === 0) return "today";
-  const many = `${Math.abs(days)} ${Math.abs(days) === 1 ? "day" : "days"}`;
+  const many = counted(Math.abs(days), "day");
   return days > 0 ? `in ${many}` : `${many} ago`;
 }

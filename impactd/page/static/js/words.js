@@ -51,6 +51,8 @@ const REQUESTS = [
   [/^DELETE \/v1\/diagnoses\/(\d+)$/, "cancelled diagnosis $1"],
   [/^POST \/v1\/diagnoses\/(\d+)\/next-drop$/, "made the drop that diagnosis $1 proposes"],
   [/^PUT \/v1\/recordings\/([^/]+)\/files\/(.+)$/, "uploaded $2 to the recordings $1"],
+  [/^PUT \/v1\/recordings\/([^/]+)\/drops$/, "stated the drops of the recordings $1 by a table"],
+  [/^DELETE \/v1\/recordings\/([^/]+)$/, "deleted the recordings $1"],
   [/^POST \/v1\/recordings\/([^/]+)\/reading$/, "had the recordings $1 read"],
   [/^POST \/v1\/recordings\/([^/]+)\/diagnoses$/, "requested a diagnosis of the recordings $1"],
   [/^PUT \/v1\/materials\/(?:sphere|surface)s\/(.+)$/, "changed the material $1"],

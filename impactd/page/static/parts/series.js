@@ -4,7 +4,7 @@
 import { ask, get, post } from "../js/api.js";
 import { freshKey, h } from "../js/dom.js";
 import { live, on } from "../js/live.js";
-import { duration, millimetres } from "../js/numbers.js";
+import { counted, duration, millimetres } from "../js/numbers.js";
 import { may } from "../js/session.js";
 import { material, materials } from "../js/words.js";
 import { followDrop } from "./steps.js";
@@ -116,8 +116,8 @@ function planned(now) {
 /** Return how far a series is; a calibration's looks the same. */
 export function seriesCard({ title, done, of, remaining, load, end }) {
   return h("section", { class: "card", "aria-label": title },
-    h("div", { class: "row spread" }, h("h2", {}, `${title}: ${done} of ${of} drops done`), h("p", { class: "soft" }, remaining ? `${remaining} to go` : "the remaining time is known after the first drop")),
-    h("progress", { max: of, value: done, "aria-label": `${done} of ${of} drops done` }),
+    h("div", { class: "row spread" }, h("h2", {}, `${title}: ${done} of ${counted(of, "drop")} done`), h("p", { class: "soft" }, remaining ? `${remaining} to go` : "the remaining time is known after the first drop")),
+    h("progress", { max: of, value: done, "aria-label": `${done} of ${counted(of, "drop")} done` }),
     load && h("p", { class: "instruction" }, load),
     end);
 }

@@ -10,12 +10,20 @@ const BEFORE_S = 60e-6;
 const AFTER_S = 600e-6;
 const POINTS = 4000;
 
-/** Show a shot in `place`; return the shot. */
+/** Show a shot in `place`; return the shot, or null where it did not come: what was shown then stays. */
 export async function showResult(place, number, signal) {
-  const shot = await get(`/v1/shots/${number}`);
+  let shot;
+  try {
+    shot = await get(`/v1/shots/${number}`);
+  } catch (problem) {
+    if (!place.hasChildNodes()) fill(place, h("p", { class: "wrong" }, problem.message));
+    return null;
+  }
   if (signal.aborted) return shot;
   const material = h("div", { class: "young" });
-  fill(place, material, verdict(shot), advice(shot), await chart(shot, signal));
+  // The numbers are shown whether or not their picture comes.
+  const picture = await chart(shot, signal).catch((problem) => h("p", { class: "wrong" }, problem.message));
+  fill(place, material, verdict(shot), advice(shot), picture);
   showMaterial(material, shot);
   return shot;
 }

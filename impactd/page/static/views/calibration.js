@@ -3,7 +3,7 @@
 import { get, post } from "../js/api.js";
 import { fill, freshKey, h } from "../js/dom.js";
 import { live, on } from "../js/live.js";
-import { day, inDays, measured, millimetres, moment } from "../js/numbers.js";
+import { counted, day, inDays, measured, millimetres, moment } from "../js/numbers.js";
 import { may } from "../js/session.js";
 import { materials, stateBadge } from "../js/words.js";
 import { QUANTITIES, drawDrift } from "../charts/drift.js";
@@ -73,7 +73,7 @@ function showBegin(place, plan) {
     if (event.currentTarget.getAttribute("aria-disabled") === "true") return;
     try {
       const made = await post("/v1/calibrations", {}, { key: freshKey() });
-      tell("info", `Calibration ${made.number} has begun: ${drops} drops.`, { passing: true });
+      tell("info", `Calibration ${made.number} has begun: ${counted(drops, "drop")}.`, { passing: true });
       live.refresh();
     } catch (problem) {
       tell("bad", problem.message);
@@ -81,7 +81,7 @@ function showBegin(place, plan) {
   };
   fill(place,
     h("h2", { id: "begin-title" }, "Calibrate"),
-    drops ? h("p", {}, `${drops} drops of spheres and surfaces of known modulus, then one fit. Stay at the rig: the page says which sphere comes next.`) : h("p", {}, "The settings hold no plan of drops; fill in [[calibration.plan]]."),
+    drops ? h("p", {}, `${counted(drops, "drop")} of spheres and surfaces of known modulus, then one fit. Stay at the rig: the page says which sphere comes next.`) : h("p", {}, "The settings hold no plan of drops; fill in [[calibration.plan]]."),
     h("ul", { class: "soft" }, plan.map((one) => h("li", {}, `${one.repeats} × ${materials(one.sphere, one.surface)} from ${millimetres(one.drop_height_m)}`))),
     may("operate") && drops > 0 && h("div", { class: "row" }, h("button", { class: "button main-action", type: "button", "aria-disabled": String(!live.status?.ready), on: { click: go } }, "Start a calibration")));
 }
@@ -113,7 +113,7 @@ function moved({ since_previous: before, since_first: first }) {
 /** Say how a calibration is made; of one under way, how many drops are behind it. */
 function kindOf(one) {
   if (one.kind !== "drops") return "weights";
-  const count = `${one.drops.length} ${one.drops.length === 1 ? "drop" : "drops"}`;
+  const count = counted(one.drops.length, "drop");
   return one.finished_utc ? count : `${count} so far`;
 }
 

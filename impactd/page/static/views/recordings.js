@@ -3,7 +3,7 @@
 import { ask, get, post } from "../js/api.js";
 import { fill, freshKey, h, say } from "../js/dom.js";
 import { on } from "../js/live.js";
-import { moment, significant } from "../js/numbers.js";
+import { counted, moment, significant } from "../js/numbers.js";
 import { may } from "../js/session.js";
 import { UNDER_WAY, diagnosis } from "../parts/diagnosis.js";
 import { dropZone } from "../parts/drop_zone.js";
@@ -37,23 +37,38 @@ export async function showRecordings(place, { signal, parameters: [name] }) {
   }
 }
 
-/** Upload files one after another, then show them; with a file of values, take these into the form. */
+/** Upload files one after another, then show them; what states values or drops goes into the form. */
 async function upload(files, name, wrong) {
   wrong.textContent = "";
-  const recordings = files.filter((file) => !/\.json$/i.test(file.name));
+  const others = files.filter((file) => !/\.json$/i.test(file.name));
+  const recordings = [];
+  const tables = [];
   try {
-    for (const file of files) if (!recordings.includes(file)) dragged = await valuesOf(file);
+    for (const file of files) if (!others.includes(file)) dragged = await valuesOf(file);
+    for (const file of others) ((await isTableOfDrops(file)) ? tables : recordings).push(file);
     const to = name ?? freshName(recordings[0]?.name);
     if (!to) throw new Error("Drag the recordings in first, then their values.");
     for (const file of recordings) {
       say(`Uploading ${file.name}`);
       await ask("PUT", `/v1/recordings/${to}/files/${encodeURIComponent(file.name)}`, { file, timeoutMs: PATIENCE_MS });
     }
+    for (const file of tables) {
+      const { values } = await ask("PUT", `/v1/recordings/${to}/drops`, { file, timeoutMs: PATIENCE_MS });
+      dragged = { ...values, ...dragged, shots: { ...dragged?.shots, ...values.shots } };
+    }
     if (to === name) dispatchEvent(new HashChangeEvent("hashchange"));
     else location.hash = `#/recordings/${to}`;
   } catch (problem) {
     wrong.textContent = inPageWords(problem.message);
   }
+}
+
+/** A table says which drop was which: its first line heads columns name and sphere, surface or height. */
+async function isTableOfDrops(file) {
+  if (!/\.(csv|tsv|txt)$/i.test(file.name)) return false;
+  const [head] = (await file.slice(0, 4096).text()).replace(/^\ufeff/, "").trimStart().split(/[\r\n]/);
+  const columns = head.split(/[;,\t]/).map((one) => one.trim());
+  return columns.includes("name") && ["sphere", "surface", "drop_height_mm"].some((one) => columns.includes(one));
 }
 
 async function valuesOf(file) {
@@ -82,7 +97,7 @@ async function showAll(place, signal) {
 }
 
 function said({ files, diagnoses: [newest] }) {
-  const count = `${files.length} file${files.length === 1 ? "" : "s"}`;
+  const count = counted(files.length, "file");
   return newest ? `${count}; diagnosed ${moment(newest.created_utc)}: ${newest.verdict ?? newest.state}` : `${count}, not yet diagnosed`;
 }
 
@@ -91,13 +106,14 @@ async function showSet(place, name, signal) {
   if (signal.aborted) return;
   const answer = h("div", { class: "cards answer", "aria-label": "Answer", role: "group" });
   const hits = h("div", { class: "cards" }, h("p", { role: "status" }, "Reading …"));
-  fill(place, answer, hits);
+  fill(place, answer, hits, may("operate") && deletion(name));
   if (found.diagnoses.length) watch(answer, found.diagnoses[0].id, signal);
   if (!may("operate")) { fill(hits); return; }
   let given = dragged ?? found.values;
   let form = null;
   dragged = null;
   const options = optionsForm(found.choices);
+  const { spheres, surfaces } = await get("/v1/materials").catch(() => ({ spheres: [], surfaces: [] }));
   const read = async () => {
     const wrong = h("p", { class: "wrong", role: "alert" });
     const again = h("div", { class: "row" }, h("button", { class: "button", type: "button", on: { click: () => { wrong.textContent = ""; read(); } } }, "Read again"));
@@ -113,8 +129,8 @@ async function showSet(place, name, signal) {
       let doubtful = null;
       const reading = await ask(given).catch((problem) => { doubtful = problem; return ask(null); });
       if (signal.aborted) return;
-      say(`${reading.shots.length} hits were found.`);
-      form = valuesForm(reading.shots, given ?? {});
+      say(`Found: ${counted(reading.shots.length, "hit")}.`);
+      form = valuesForm(reading.shots, given ?? {}, { spheres, surfaces });
       fill(hits, readingCard(name, reading, how(false)), stateForm({ name, form, choices: () => options.read(), started: (id) => watch(answer, id, signal).then(() => answer.scrollIntoView()) }));
       if (doubtful) hits.querySelector("form .wrong").textContent = doubtful.message;
     } catch (problem) {
@@ -124,6 +140,23 @@ async function showSet(place, name, signal) {
     }
   };
   await read();
+}
+
+/** A button that asks once more before it deletes a set. */
+function deletion(name) {
+  const wrong = h("p", { class: "wrong", role: "alert" });
+  const remove = async () => {
+    try {
+      await ask("DELETE", `/v1/recordings/${name}`);
+      say(`The recordings ${name} are deleted.`);
+      location.hash = "#/recordings";
+    } catch (problem) {
+      wrong.textContent = problem.message;
+    }
+  };
+  return h("details", { class: "card" }, h("summary", {}, "Delete these recordings"),
+    h("p", {}, "Deletes the files and what was read in them from this computer; nothing brings them back. The documents of their diagnoses stay, and the log says who deleted them."),
+    h("div", { class: "row" }, h("button", { class: "button", type: "button", on: { click: remove } }, `Delete ${name}`)), wrong);
 }
 
 /** Fields for what the files do not say; `.read()` gives the body's members. */
@@ -151,7 +184,7 @@ function readingCard(name, { shots, assumptions, missing, links }, how) {
   const unit = UNITS[shots[0].quantity];
   const columns = [["Begins / s", (one) => significant(one.starts_s, 6), "number hide-narrow"], [`Peak / ${unit}`, (one) => significant(one.peak, 4), "number"], ["Contact / ms", (one) => significant(1e3 * one.contact_s), "number"], ["Sampled at / kHz", (one) => significant(one.sample_rate_Hz / 1e3, 6), "number"]];
   return h("section", { class: "card", "aria-label": "What was read" },
-    h("h2", {}, `${name}: ${shots.length} ${shots.length === 1 ? "hit" : "hits"}`),
+    h("h2", {}, `${name}: ${counted(shots.length, "hit")}`),
     h("div", { class: "table-frame", tabindex: "0", role: "group", "aria-label": "Table of the hits" }, h("table", {},
       h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Shot"), columns.map(([head, , look]) => h("th", { scope: "col", class: look }, head)), h("td", {}))),
       h("tbody", {}, shots.map((one) => h("tr", {}, h("th", { scope: "row" }, one.name),
@@ -189,7 +222,7 @@ function stateForm({ name, form, choices, started }) {
   };
   return h("form", { class: "card", novalidate: true, "aria-label": "What you measured", on: { submit } },
     h("h2", {}, "What you measured"),
-    h("p", { class: "soft" }, "u is the standard uncertainty (k = 1), in the unit of its value; without it the value counts as exact. What you leave empty is unknown: the answer then says which modulus that withholds. A values.json of impactd new --values can be dragged in, too."),
+    h("p", { class: "soft" }, "u is the standard uncertainty (k = 1), in the unit of its value; without it the value counts as exact. What you leave empty is unknown: the answer then says which modulus that withholds. A values.json of impactd new --values and a table of drops of --drops can be dragged in, too."),
     form, wrong, h("div", { class: "row" }, button));
 }
 

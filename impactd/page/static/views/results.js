@@ -3,7 +3,7 @@
 import { get, withQuery } from "../js/api.js";
 import { fill, h, withCode } from "../js/dom.js";
 import { on } from "../js/live.js";
-import { columnUnit, measured, percent, significant } from "../js/numbers.js";
+import { columnUnit, counted, measured, percent, significant } from "../js/numbers.js";
 import { material, materials, modelName } from "../js/words.js";
 import { drawControl } from "../charts/control.js";
 import { choice, field } from "../parts/fields.js";
@@ -24,7 +24,7 @@ export async function showResults(place, { signal }) {
   const chart = h("section", { class: "card", "aria-labelledby": "chart-title", hidden: true });
   const takeAway = h("section", { class: "card not-printed", "aria-labelledby": "export-title" });
   fill(place, h("h1", {}, "Results"),
-    h("form", { class: "card filters not-printed", "aria-label": "Which shots", on: { submit: (event) => event.preventDefault() } }, since, until),
+    h("form", { class: "card filters dates not-printed", "aria-label": "Which shots", on: { submit: (event) => event.preventDefault() } }, since, until),
     about, h("div", { class: "row" }, report), warnings, list, network, pairs, chart, takeAway);
 
   const times = () => ({ since: since.input.value, until: dayAfter(until.input.value) });
@@ -48,7 +48,7 @@ export async function showResults(place, { signal }) {
     try {
       const found = await get(withQuery("/v1/results", times()));
       if (signal.aborted || mine !== turn) return;
-      about.textContent = `Result of ${found.shots} shots, fitted with ${modelName(found.model)}; ± is the expanded uncertainty (95 %). Shots of calibrations, clipped records and shots without a good fit do not take part.`;
+      about.textContent = `Result of ${counted(found.shots, "shot")}. Each shot is fitted by itself with ${modelName(found.model)}, then all are adjusted together; ± is the expanded uncertainty (95 %). Shots of calibrations, clipped records and shots without a good fit do not take part.`;
       // Drawn only when something changed: an open budget must not close under a reader.
       const text = JSON.stringify(found);
       if (text === list.dataset.drawn) return;
@@ -85,7 +85,7 @@ function dayAfter(text) {
 /** Say whether the pairs agree on one modulus for each material. */
 function networkWords(network) {
   if (!network || !network.degrees_of_freedom) return "";
-  const said = `The pairs were adjusted together: chi² ${significant(network.chi2)} at ${network.degrees_of_freedom} ${network.degrees_of_freedom === 1 ? "degree" : "degrees"} of freedom, p = ${significant(network.p_value, 2)}.`;
+  const said = `The pairs were adjusted together: chi² ${significant(network.chi2)} at ${counted(network.degrees_of_freedom, "degree")} of freedom, p = ${significant(network.p_value, 2)}.`;
   const dark = network.dark_uncertainty > 0 ? ` They scatter by ${percent(network.dark_uncertainty)} more than their uncertainties explain; every ± includes this.` : "";
   const odd = network.contradicting?.length ? ` In contradiction to the others: ${network.contradicting.map((one) => (typeof one === "string" ? one : one.pair ?? one.name)).join(", ")}.` : "";
   return said + dark + odd;
@@ -125,7 +125,7 @@ async function controlCard(place, found, signal) {
     h("p", { class: "soft" }, control
       ? "Limits: mean ± 3 σ, with σ from the differences of neighbouring shots (ISO 7870-2), so that a drift does not widen the limits. Bars: ± U (95 %) of a single shot, without what all shots share."
       : "Limits are drawn from eight shots on. Bars: ± U (95 %) of a single shot, without what all shots share."),
-    found.decimated && h("p", { class: "soft" }, `Of ${found.shots} shots the extremes of each interval are drawn, and all outside the limits.`));
+    found.decimated && h("p", { class: "soft" }, `Of ${counted(found.shots, "shot")} the extremes of each interval are drawn, and all outside the limits.`));
   await drawControl(chart, found, signal);
 }
 

@@ -55,13 +55,7 @@ export async function showRig(place, { signal }) {
       h("div", { class: "row spread" }, h("h2", {}, `Shot ${drop.shot}`), h("a", { class: "button", href: `#/shots/${drop.shot}` }, "Everything about this shot")),
       h("p", { class: "soft" }, `${materials(sphere, surface)} from ${millimetres(drop_height_m)}, ${operator}`),
       inner, may("operate") && again);
-    redraw = async () => {
-      try {
-        await showResult(inner, drop.shot, signal);
-      } catch (problem) {
-        fill(inner, h("p", { class: "wrong" }, problem.message));
-      }
-    };
+    redraw = () => showResult(inner, drop.shot, signal);
     await redraw();
   };
 
@@ -98,6 +92,7 @@ export async function showRig(place, { signal }) {
     showFault(faultPlace, status);
   }, signal);
   on("lost", allow, signal);
+  on("found", () => redraw?.(), signal);
   // It may be known only after the fit is shown.
   on("happened", ({ kind, number }) => { if (kind === "shot.unlike" && number === shown) redraw?.(); }, signal);
   series.addEventListener("change", showSeries, { signal });

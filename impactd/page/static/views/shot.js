@@ -14,18 +14,22 @@ import { tell } from "../parts/notices.js";
 export async function showShot(place, { parameters: [number], signal }) {
   const result = h("section", { class: "card", "aria-label": "Result" });
   const rest = h("div", { class: "cards" });
+  const wholeRecord = h("section", { class: "card", "aria-labelledby": "record" });
   fill(place, h("h1", {}, `Shot ${number}`), result, rest);
   const show = async () => {
-    try {
-      const shot = await showResult(result, number, signal);
-      if (!signal.aborted && !rest.hasChildNodes()) fill(rest, actions(shot), circumstances(shot), await record(shot, signal));
-    } catch (problem) {
-      fill(result, h("p", { class: "wrong" }, problem.message), h("p", {}, h("a", { class: "button", href: "#/shots" }, "All shots")));
+    const shot = await showResult(result, number, signal);
+    if (signal.aborted) return;
+    if (!shot) {
+      if (!rest.hasChildNodes()) fill(rest, h("p", {}, h("a", { class: "button", href: "#/shots" }, "All shots")));
+      return;
     }
+    if (!wholeRecord.isConnected) fill(rest, actions(shot), circumstances(shot), wholeRecord);
+    if (!wholeRecord.querySelector(".chart")) await showRecord(wholeRecord, shot, signal);
   };
   on("happened", ({ kind, shot, number: which }) => {
     if (String(kind === "fit.done" ? shot : kind === "shot.unlike" ? which : "") === number) show();
   }, signal);
+  on("found", show, signal);
   await show();
 }
 
@@ -81,11 +85,15 @@ function surroundings(environment) {
   return known.length ? [["Temperature and humidity", known.join(", ")]] : [];
 }
 
-async function record(shot, signal) {
-  const trace = await get(`/v1/shots/${shot.number}/trace?points=4000`);
-  const place = h("div", { class: "chart flat" });
-  requestAnimationFrame(() => drawRecord(place, trace, signal));
-  return h("section", { class: "card", "aria-labelledby": "record" },
-    h("h2", { id: "record" }, "The whole record"), place,
-    h("p", { class: "soft" }, `${trace.samples.toLocaleString("en-GB")} samples${trace.decimated ? `, drawn as ${trace.time_s.length.toLocaleString("en-GB")}: the smallest and the largest of each interval` : ""}. Later peaks are bounces of the sphere.`));
+async function showRecord(place, shot, signal) {
+  const title = h("h2", { id: "record" }, "The whole record");
+  try {
+    const trace = await get(`/v1/shots/${shot.number}/trace?points=4000`);
+    const chart = h("div", { class: "chart flat" });
+    requestAnimationFrame(() => drawRecord(chart, trace, signal));
+    fill(place, title, chart,
+      h("p", { class: "soft" }, `${trace.samples.toLocaleString("en-GB")} samples${trace.decimated ? `, drawn as ${trace.time_s.length.toLocaleString("en-GB")}: the smallest and the largest of each interval` : ""}. Later peaks are bounces of the sphere.`));
+  } catch (problem) {
+    fill(place, title, h("p", { class: "wrong" }, problem.message));
+  }
 }
