@@ -140,9 +140,9 @@ class Daemon:
 
     def stop(self) -> None:
         """Make the valve safe first, then end everything else; safe to call twice."""
-        self._heart.stop()
         steps = (
             self.service.stop,
+            self._heart.stop,
             self.calibrations.stop,
             self.series.stop,
             self._moduli.stop,
@@ -304,10 +304,11 @@ class Heart:
         self._daemon = daemon
         self._end = threading.Event()
         self._thread: threading.Thread | None = None
+        self._told_ready = False
 
     def start(self) -> None:
         """Send READY=1, then go on in a thread."""
-        notify(ready="1", status=self._sentence())
+        self._told_ready = notify(ready="1", status=self._sentence())
         self._thread = threading.Thread(target=self._beat, name="heart", daemon=True)
         self._thread.start()
 
@@ -315,7 +316,7 @@ class Heart:
         """Send STOPPING=1 and end."""
         if self._thread is None or self._end.is_set():
             return
-        notify(stopping="1", status="Stopping: the valve is made safe.")
+        notify(stopping="1", status="Stopping.")
         self._end.set()
         self._thread.join(timeout=5.0)
 
@@ -330,8 +331,9 @@ class Heart:
                 sentence = self._sentence()
                 if all(self._daemon.liveness().values()):
                     notify(watchdog="1")
-                if sentence != told:
-                    notify(status=sentence)
+                if not self._told_ready:
+                    self._told_ready = notify(ready="1")
+                if sentence != told and notify(status=sentence):
                     told = sentence
             except Exception:  # the watchdog must not miss a beat because of one error
                 _log.exception("the daemon's health could not be checked")

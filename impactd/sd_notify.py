@@ -13,8 +13,9 @@ import socket
 def notify(**fields: str) -> bool:
     """Send one notification; return whether it was sent.
 
-    It is not outside systemd, nor where the socket refuses: a daemon that runs well must not end
-    because nobody listens.
+    It is not outside systemd, nor where the socket refuses or its queue is full: a daemon that
+    runs well must neither end nor wait because nobody listens. It must not delay the valve when
+    the daemon stops.
 
     Parameters
     ----------
@@ -37,6 +38,7 @@ def notify(**fields: str) -> bool:
     )
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as sender:
+            sender.setblocking(False)
             sender.connect(address)
             sender.sendall(message.encode())
     except OSError:

@@ -45,6 +45,15 @@ def test_without_a_listener_nothing_happens(address: str, monkeypatch: pytest.Mo
     assert not notify(ready="1")
 
 
+def test_a_listener_that_hangs_is_not_waited_for(listener: socket.socket) -> None:
+    """Its queue is full: the daemon goes on."""
+    told = [notify(watchdog="1") for _ in range(2000)]
+    assert told[0]
+    assert not told[-1]
+    listener.recv(4096)
+    assert notify(stopping="1")
+
+
 def test_the_watchdog_is_fed_at_half_its_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """systemd's limit of 30 s asks for a sign of life every 15 s."""
     monkeypatch.setenv("WATCHDOG_USEC", "30000000")
