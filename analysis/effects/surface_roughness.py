@@ -37,6 +37,19 @@ Against the Hertz curve of the heavy loads it is soft at the first touch where G
 is hard, whose bulk is met only below that plane. Source of the form: a common engineering closure;
 not derived from heights of asperities. Validation: DOP853; its force written out, in the tests.
 
+The form ``surface_roughness:layer`` is a layer of asperities in series with the bulk, pressed over
+an area that does not grow:
+
+.. math:: \delta = (F/K)^{2/3} + s \ln(1 + F/F_0)
+
+F_0 is the force at which the layer has given way by s ln 2. It is the closed form above with
+b = K s^(3/2) / F_0 free and without the growth of the area, e/3; but the base dashpot goes with the
+whole indentation here, as Eq. 3 has it. Source: Greenwood & Williamson, for exponential heights on
+a flat plane; Persson, Phys. Rev. Lett. 99 (2007) 125502, who has the same logarithm without
+heights. Validity: the area of the asperities is the same from the first touch to the deepest
+indentation, which a light contact's is not. Validation: DOP853, with the force found by bracketing,
+in the tests.
+
 Scope: the surface's finish. Fitted as a logarithm, because nothing is left of the effect but a late
 touch-down as sigma vanishes.
 """
@@ -57,14 +70,17 @@ _NEAR = 1e-8
 
 
 @njit(cache=True, nogil=True)
-def bulk_depth(depth):  # type: ignore[no-untyped-def]
-    """Return the bulk's indentation for a whole one, both over sigma, and its slope."""
+def bulk_depth(depth, b=_FIRST, widens=_LATE):  # type: ignore[no-untyped-def]
+    """Return the bulk's indentation for a whole one, both over sigma, and its slope.
+
+    ``widens`` is the factor e/3 in the denominator: 0 where the area does not grow.
+    """
     t = slope = math.sqrt(depth)  # the root of y, in which all is smooth
     for _ in range(_MOST_CORRECTIONS):
         square = t * t
-        late, first = 1.0 + _LATE * square, _FIRST * square * t
+        late, first = 1.0 + widens * square, b * square * t
         miss = square + math.log1p(first / late) - depth
-        slope = 2.0 * t + _FIRST * square * (3.0 + _LATE * square) / (late * (late + first))
+        slope = 2.0 * t + b * square * (3.0 + widens * square) / (late * (late + first))
         moved = max(t - miss / slope, 0.1 * t)
         near = abs(moved - t) <= _NEAR * t
         t = moved
@@ -78,7 +94,7 @@ def _term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-d
     depth = delta * p0
     if depth <= 0.0:
         return 0.0, 0.0, 0.0, 0.0
-    bulk, share = bulk_depth(depth)
+    bulk, share = bulk_depth(depth, p2, p3)
     left = bulk / depth
     lost = p1 * math.sqrt(math.sqrt(delta)) * rate
     root = math.sqrt(left)
@@ -92,15 +108,21 @@ def _toe(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-de
 
 def _pack(values: Values, context: ShotContext) -> tuple[float, float, float, float]:
     dashpot = context.alpha * math.sqrt(context.mass_kg * context.stiffness)
-    return 1.0 / values["roughness_m"], dashpot, 0.0, 0.0
+    return 1.0 / values["roughness_m"], dashpot, _FIRST, _LATE
+
+
+def _pack_layer(values: Values, context: ShotContext) -> tuple[float, float, float, float]:
+    height = values["roughness_m"]
+    return 1.0 / height, 0.0, context.stiffness * height**1.5 / values["layer_force_n"], 0.0
 
 
 def _pack_toe(values: Values, context: ShotContext) -> tuple[float, float, float, float]:
     return 1.0 / values["roughness_m"], 0.0, 0.0, 0.0
 
 
-def _height(meaning: str) -> EffectParameter:
-    starts = (3e-7, 6e-8, 1.2e-6)
+def _height(
+    meaning: str, starts: tuple[float, ...] = (3e-7, 6e-8, 1.2e-6)
+) -> EffectParameter:
     return EffectParameter("roughness_m", "m", "surface", "log", 1e-6, 1e-8, 1e-5, starts, meaning)
 
 
@@ -125,6 +147,30 @@ EFFECT = Effect(
             parameters=(_height("indentation at which asperities are flat, s"),),
             contact=_toe,
             pack=_pack_toe,
+        ),
+        Effect(
+            id="surface_roughness:layer",
+            slot="contact",
+            title="a layer of asperities gives way in series",
+            tell_tale="soft toe that goes like the logarithm of the force",
+            source="Greenwood & Williamson 1966; Persson 2007",
+            validation="DOP853; its force found by bracketing",
+            parameters=(
+                _height("standard deviation of the asperities' heights, s", (1e-6, 2e-7)),
+                EffectParameter(
+                    "layer_force_n",
+                    "N",
+                    "surface",
+                    "log",
+                    1.0,
+                    1e-5,
+                    1e3,
+                    (1.0, 0.1),
+                    "force at which the layer has given way by s ln 2, F_0",
+                ),
+            ),
+            contact=_term,
+            pack=_pack_layer,
         ),
     ),
 )

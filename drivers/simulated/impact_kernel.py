@@ -57,11 +57,12 @@ TSUJI, KUWABARA_KONO_LOSS, HUNT_CROSSLEY_LOSS = range(3)
 AT_INDENTATION, AT_FORCE = range(2)
 # Additional terms.
 THICKNESS, ROUGHNESS, KUWABARA_KONO, HUNT_CROSSLEY, RELAXATION, RATE_POWER, FILM = range(1, 8)
-SECOND_SPOT, SNAP, POWER, SOFT_TOE, LAYER = range(8, 13)
+SECOND_SPOT, SNAP, POWER, SOFT_TOE, LAYER, ASPERITIES = range(8, 14)
 SNAP_SPEED_M_PER_S = 0.02  # over which a snap on the way in turns into none on the way out
 RUBBING_SPEED_M_PER_S = 1e-4  # over which friction turns round
 SLIDING_SPEED_M_PER_S = 3e-6  # the same below the cell, where all is slower
 LEAST_STIFFNESS = 0.05  # of a softening seat, over that at rest
+HALVINGS = 60  # of the force of contact where its law gives the indentation
 LEAST_DEPTH_M = 1e-9  # a power of the indentation is flat below it
 TERMS = 6  # as many contact terms may act at once, each with one state of its own
 VALUES = 10  # as many numbers a term may have
@@ -158,6 +159,19 @@ def _begin_unloading(delta: float, p: Vector, memory: Vector) -> None:
 
 
 @_compiled
+def _force_on_asperities(depth: float, stiffness: float, height: float, first: float) -> float:
+    """Return the force that presses bulk and asperities in by a depth. [N]"""
+    low, high = 0.0, stiffness * depth * math.sqrt(depth)
+    for _ in range(HALVINGS):
+        force = 0.5 * (low + high)
+        if (force / stiffness) ** (2.0 / 3.0) + height * math.log1p(force / first) > depth:
+            high = force
+        else:
+            low = force
+    return low
+
+
+@_compiled
 def _forces(  # noqa: PLR0917, PLR0912 - compiled code knows no keywords; one branch a law
     delta: float,
     rate: float,
@@ -216,6 +230,8 @@ def _forces(  # noqa: PLR0917, PLR0912 - compiled code knows no keywords; one br
             for j in range(VALUES - 1, 1, -1):
                 stiffer = (stiffer + values[i, j]) * X
             factor *= (1.0 + stiffer) / (1.0 + (1.0 - b) * stiffer)
+        elif code == ASPERITIES and d > 0.0:
+            factor *= _force_on_asperities(d, p[K], a, b) / (p[K] * d * root)
     return elastic * factor + added, loss
 
 

@@ -65,3 +65,17 @@ def test_a_rare_form_is_asked_where_the_usual_one_explains_nearly_all(tmp_path: 
     missing = base.cost - sum(item.data for item in problem.shots)
     half = dataclasses.replace(found, gain=0.5 * missing)
     assert not best_form(problem, base, half).effect.by_name
+
+
+@pytest.mark.slow
+def test_asperities_in_series_are_named_with_their_height(tmp_path: Path) -> None:
+    """A softer toe than the usual form of roughness has: a logarithm of the force."""
+    height = 5e-7
+    rough = make_effect("surface_roughness", {"roughness_m": height}, form="series")
+    found = diagnose(campaign(tmp_path, rough))
+    (effect,) = found["effects"]
+    assert (found["verdict"], effect["form"]) == ("identified", "surface_roughness:layer")
+    heights = {k: v for k, v in effect["parameters"].items() if k.startswith("roughness_m")}
+    for number in heights.values():
+        low, high = number["interval95"]
+        assert low < height < high, heights

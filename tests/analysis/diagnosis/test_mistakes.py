@@ -263,6 +263,7 @@ def test_a_statement_promises_what_leaving_it_out_brings() -> None:
     assert said == pytest.approx(without - with_it)
 
 
+@pytest.mark.slow
 def test_a_mistake_found_when_the_time_is_over_is_kept(clean: Campaign) -> None:
     """It leaves noise; what it was not compared with leaves the verdict a family."""
     clock = iter([0.0])
@@ -282,7 +283,9 @@ def test_a_mistake_found_when_the_time_is_over_is_kept(clean: Campaign) -> None:
     assert "The time was over before it was compared with every effect." in found["sentence"]
 
 
-@pytest.mark.parametrize(("switched", "asked"), [(True, 0), (False, 1)])
+@pytest.mark.parametrize(
+    ("switched", "asked"), [(True, 0), pytest.param(False, 1, marks=pytest.mark.slow)]
+)
 def test_names_are_asked_only_where_they_can_make_the_difference(
     switched: bool, asked: int, clean: Campaign, monkeypatch: pytest.MonkeyPatch
 ) -> None:

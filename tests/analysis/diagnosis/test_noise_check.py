@@ -116,6 +116,7 @@ def test_noise_and_hum_are_no_tone(shots: list[FitShot], colour: float) -> None:
     assert tone.p_value > 1e-4
 
 
+@pytest.mark.slow
 def test_slow_noise_of_long_records_is_no_tone(shots: list[FitShot]) -> None:
     """Where hum is taken off, lines are short; beside them noise of 1/f must not stand out."""
     settings = NoiseSettings(1.0, pink_corner_hz=300.0)

@@ -146,6 +146,7 @@ def neutral(effect: Effect) -> dict[str, float]:
     limits = {
         "surface_roughness.roughness_m": 1e-16,
         "surface_roughness:toe.roughness_m": 1e-16,
+        "surface_roughness:layer.roughness_m": 1e-16,
         "recontact.speed_ratio": 1e-9,
         "recontact:ringing.speed_ratio": 1e-9,
     }

@@ -116,3 +116,33 @@ def test_an_impact_on_asperities_that_flatten_is_that_of_dop853(s: float) -> Non
     wanted = RIG.reference(law=soft_toe(s))
     assert apart(found.signal, wanted.compression) < 2e-6
     assert found.contact_time_s == pytest.approx(wanted.contact_time, rel=1e-6)
+
+
+def layer(s: float, force_n: float) -> Law:
+    """Return the law of a layer in series, its force found by bracketing."""
+
+    def law(d: float, r: float, z: Any) -> tuple[float, float, tuple[()]]:
+        if d <= 0.0:
+            return 0.0, 0.0, ()
+        K = RIG.stiffness
+        force = brentq(
+            lambda f: (f / K) ** (2 / 3) + s * math.log1p(f / force_n) - d,
+            0.0,
+            K * d**1.5,
+            xtol=1e-16,
+            rtol=1e-15,
+        )
+        return force, RIG.dashpot(d, r), ()
+
+    return law
+
+
+@pytest.mark.parametrize(("s", "force_n"), [(2e-7, 0.1), (1e-6, 1.0)])
+def test_an_impact_on_a_layer_of_asperities_is_that_of_dop853(s: float, force_n: float) -> None:
+    """The form whose area does not grow, integrated in time."""
+    effect = "surface_roughness:layer"
+    values = {f"{effect}.roughness_m": s, f"{effect}.layer_force_n": force_n}
+    found = RIG.predict(f"kv+{effect}", values)
+    wanted = RIG.reference(law=layer(s, force_n))
+    assert apart(found.signal, wanted.compression) < 2e-6
+    assert found.contact_time_s == pytest.approx(wanted.contact_time, rel=1e-6)

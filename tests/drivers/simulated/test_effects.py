@@ -133,9 +133,10 @@ def test_a_radiating_plate_takes_energy_without_ringing(lab: Lab) -> None:
     assert np.max(volts) < np.max(base)
 
 
-def test_roughness_softens_low_drops_most(lab: Lab) -> None:
+@pytest.mark.parametrize("form", ["toe", "series"])
+def test_roughness_softens_low_drops_most(lab: Lab, form: str) -> None:
     """The soft toe lengthens contact, worse at low speed."""
-    rig = lab.with_effect("surface_roughness", {"roughness_m": 3e-6})
+    rig = lab.with_form("surface_roughness", {"roughness_m": 3e-6}, form)
     low, high = (
         lab.drop(rig, h)[1].contact_time_s / lab.drop(lab.a_rig(), h)[1].contact_time_s
         for h in (0.002, 0.05)

@@ -120,7 +120,8 @@ def test_drawn_rigs_bring_forms_and_converters_that_the_paper_has_not() -> None:
         assert {p.settings.bits for p in plans} == {8, 12, 16}
         assert {rig_model("drawn", p.campaign_seed).loss for p in plans} == set(LOSS)
     effects = [e for seed in range(300) for e in draw_plan("library", seed, "drawn").effects]
-    for effect_id in ("finite_thickness", "stress_relaxation", "amplifier_lowpass"):
+    shaped = ("finite_thickness", "stress_relaxation", "amplifier_lowpass", "surface_roughness")
+    for effect_id in shaped:
         found = {e.form for e in effects if e.id == effect_id}
         assert found == set(LIBRARY[effect_id].sound_forms or LIBRARY[effect_id].forms)
 
