@@ -10,6 +10,7 @@ from analysis.campaign import Campaign, Shot, Uncertainty
 from impactd.importing.choices import Ask, Choices, propose
 from impactd.importing.cutting import FEW_SAMPLES, Cut, cut_hits, names_of
 from impactd.importing.errors import RecordingError
+from impactd.importing.hits import AFTER_CONTACTS, BEFORE_CONTACTS
 from impactd.importing.picture import save_picture
 from impactd.importing.readers import read_recording
 from impactd.importing.stated_values import read_drops, read_values, state
@@ -167,13 +168,19 @@ def written_names(count: int) -> list[str]:
 def _rule(cuts: Sequence[Cut], threshold: float | None) -> str:
     double = sum(one.hit.impacts > 1 for one in cuts)
     together = f" Of them {double} with more than one hit." if double else ""
+    cut = ""
+    if any(one.hit.first > 0 for one in cuts):
+        cut = (
+            f" Where a record is much longer than a hit, {BEFORE_CONTACTS} contact times before it "
+            f"and {AFTER_CONTACTS} after it are kept."
+        )
     by = "a twentieth of the largest excursion of its recording, and by more than noise does"
     if threshold is not None:
         by = f"{threshold:g}, as --threshold says"
     return (
         f"Shots: {len(cuts)}, where the signal leaves its baseline by more than {by}; hits "
-        f"without a pause between them stay in one shot.{together} trigger_index is where a "
-        "contact reaches a twentieth of its peak."
+        f"without a pause between them stay in one shot.{together}{cut} trigger_index is where "
+        "a contact reaches a twentieth of its peak."
     )
 
 

@@ -335,3 +335,12 @@ def test_a_zipped_text_is_read_as_the_text(tmp_path: Path, record: Record, out: 
     zipped.write_bytes(gzip.compress(file.read_bytes()))
     names = [one.name for one in make_campaign([str(zipped)], out).shots]
     assert names == [one.name for one in make_campaign([str(file)], tmp_path / "plain").shots]
+
+
+@pytest.mark.parametrize("samples", [1_200, 32_000])
+def test_it_is_said_where_a_record_is_cut(tmp_path: Path, out: Path, samples: int) -> None:
+    """Shots of one series else have other lengths, and nobody knows why."""
+    file = table(tmp_path / "a.csv", make_record((700,), samples=samples, contact=20))
+    made = make_campaign([str(file)], out, Choices())
+    said = [one for one in made.said if "10 contact times before it" in one]
+    assert len(said) == (samples == 32_000)
