@@ -6,7 +6,7 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +68,16 @@ class SignalSource(Protocol):
 
     def read_codes(self, start: int, count: int) -> NDArray[np.uint16]:
         """Return offset-binary codes of the raw volts."""
+
+
+class _Jump(NamedTuple):
+    """A place at which the stream leaves samples out, or hands some out again."""
+
+    fault: str
+    at: int
+    """Sample of the converter."""
+    shift: int
+    """Left out; negative what comes once more."""
 
 
 class SimulatedConverter:
@@ -158,8 +168,11 @@ class SimulatedConverter:
         if self._left_over.size:
             return min(wanted, self._left_over.size)
         due = self.due() if self._running else 0
-        if due < wanted:
-            return min(wanted, due // PACKET_SAMPLES * PACKET_SAMPLES) if late else None
+        jump = self._next_jump(wanted)
+        ready = due - (jump.shift if jump else 0)  # what is lost was converted, too
+        if ready < wanted:
+            packets = max(0, ready // PACKET_SAMPLES)
+            return min(wanted, packets * PACKET_SAMPLES) if late else None
         if math.isfinite(self._source.clock.speed):
             self.worst_backlog_samples = max(self.worst_backlog_samples, due)
         if self._fifo_samples is not None and due > self._fifo_samples:
@@ -184,14 +197,15 @@ class SimulatedConverter:
             return max(0, self._source.samples_due() - self._next)
 
     def _fetch(self, count: int) -> NDArray[np.uint16]:
-        jump = self._take_fault(count)
+        jump = self._next_jump(count)
         if jump is None:
             codes = self._source.read_codes(self._next, count)
             self._next += count
         else:
-            at, shift = jump
-            head = at - self._next
-            after = at + shift
+            setattr(self._source.faults, jump.fault, None)
+            self.overrun = self.overrun or jump.fault == "overrun_at_sample"
+            head = jump.at - self._next
+            after = jump.at + jump.shift
             codes = np.concatenate(
                 [
                     self._source.read_codes(self._next, head),
@@ -201,19 +215,15 @@ class SimulatedConverter:
             self._next = after + count - head
         return codes
 
-    def _take_fault(self, count: int) -> tuple[int, int] | None:
-        """Return where the stream jumps inside the next samples, and how far; each once."""
-        faults = self._source.faults
-        for name, shift in (
+    def _next_jump(self, count: int) -> _Jump | None:
+        """Return where the stream jumps inside the next samples; each once."""
+        for fault, shift in (
             ("overrun_at_sample", PACKET_SAMPLES),
             ("drop_block_at_sample", PACKET_SAMPLES),
             ("double_block_at_sample", -PACKET_SAMPLES),
         ):
-            at = getattr(faults, name)
-            if at is None or at >= self._next + count or count == 0:
-                continue
-            setattr(faults, name, None)
-            self.overrun = self.overrun or name == "overrun_at_sample"
-            at = max(at, self._next)
-            return at, max(shift, -at)
+            at = getattr(self._source.faults, fault)
+            if at is not None and at < self._next + count and count:
+                at = max(at, self._next)
+                return _Jump(fault, at, max(shift, -at))
         return None

@@ -11,6 +11,7 @@ import usb.core
 import usb.util
 
 from drivers.simulated.signal_sources import CountingSource, PulseSource
+from drivers.simulated.usb_converter import PACKET_SAMPLES, SimulatedConverter
 from drivers.simulated.usb_device import SimulatedDaq3500
 from drivers.simulated.usb_eeprom import PERFECT
 
@@ -170,6 +171,26 @@ def test_a_block_is_lost_or_doubled_where_it_was_asked_for(counting, fault, jump
     np.testing.assert_array_equal(codes[:1000], np.arange(1000))
     np.testing.assert_array_equal(codes[1000:], np.arange(1000, 4096) + jump)
     assert _status(device) & 0x0004 == status
+
+
+@pytest.mark.parametrize("fault", ["overrun_at_sample", "drop_block_at_sample"])
+def test_a_transfer_with_a_gap_comes_later_by_its_length(fault):
+    """Nothing is handed out before it was converted, which is what shows a lost block."""
+
+    class Halted(CountingSource):
+        """A converter that has made 4096 samples so far."""
+
+        def samples_due(self):
+            return 4096
+
+    source = Halted(1.0)
+    setattr(source.faults, fault, 1000)
+    converter = SimulatedConverter(source)
+    converter.start(1e6, 10.0, board_gain=1.0, board_offset_v=0.0)
+    out = np.zeros(4096, np.uint16)
+    received = converter.read_into(out, 0.0, lambda: None)
+    assert received == 4096 - PACKET_SAMPLES
+    assert out[received - 1] == 4095
 
 
 def test_a_stalled_endpoint_leaves_the_registers_alone(counting):
