@@ -169,7 +169,8 @@ class SimulatedConverter:
             return min(wanted, self._left_over.size)
         due = self.due() if self._running else 0
         jump = self._next_jump(wanted)
-        ready = due - (jump.shift if jump else 0)  # what is lost was converted, too
+        # what is lost was converted, too
+        ready = due - (jump.shift if jump is not None and jump.shift > 0 else 0)
         if ready < wanted:
             packets = max(0, ready // PACKET_SAMPLES)
             return min(wanted, packets * PACKET_SAMPLES) if late else None
