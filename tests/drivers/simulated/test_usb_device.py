@@ -196,7 +196,7 @@ def test_a_transfer_with_a_gap_comes_later_by_its_length(fault):
 def test_a_fault_that_waits_sends_nothing_after_a_stop():
     """A drain finds the endpoint's packets, then nothing."""
     source = CountingSource(1.0)
-    source.faults.double_block_at_sample = 0
+    source.faults.double_block_at_sample = 300
     converter = SimulatedConverter(source)
     assert converter.read_into(np.zeros(512, np.uint16), 0.0, lambda: None) == 0
 
