@@ -62,7 +62,9 @@ SNAP_SPEED_M_PER_S = 0.02  # over which a snap on the way in turns into none on 
 RUBBING_SPEED_M_PER_S = 1e-4  # over which friction turns round
 SLIDING_SPEED_M_PER_S = 3e-6  # the same below the cell, where all is slower
 LEAST_STIFFNESS = 0.05  # of a softening seat, over that at rest
-HALVINGS = 60  # of the force of contact where its law gives the indentation
+# Of the force of contact where its law gives the indentation: 2^-60 is less than the rounding of a
+# double, 2^-53.
+HALVINGS = 60
 LEAST_DEPTH_M = 1e-9  # a power of the indentation is flat below it
 TERMS = 6  # as many contact terms may act at once, each with one state of its own
 VALUES = 10  # as many numbers a term may have
