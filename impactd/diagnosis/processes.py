@@ -1,6 +1,7 @@
 """Work of a diagnosis in processes, as many at once as this one may use cores.
 
-A helper is a fork of this process, so that the work need not be sent to it. It sends its results
+A helper is a fork of this process, so that the work need not be sent to it. It does one piece after
+the other: every fork has each page copied that either writes to. It sends its results
 through a pipe, pickled; an object that existed before the fork is sent as a reference. Work that a
 helper did not finish, or whose result cannot be pickled, is done in this process instead. Threads
 would not do: half of a fit's time is spent under the interpreter's lock.
@@ -49,29 +50,34 @@ class Processes:
             return
         known = {id(one): one for one in shared}
         waiting = deque(range(len(pieces)))
-        running: dict[Connection, tuple[int, _Helper]] = {}
+        free: list[_Helper] = []
+        busy: dict[Connection, tuple[int, _Helper]] = {}
         answers: dict[int, bytes] = {}
 
-        def answer_of(place: int, line: Connection) -> None:
-            """Send what the work makes of a piece."""
-            line.send_bytes(_pickled(work(pieces[place]), known))
+        def serve(line: Connection) -> None:
+            """Send what the work makes of each piece that is asked for."""
+            while True:
+                line.send_bytes(_pickled(work(pieces[line.recv()]), known))
 
         try:
             for place, piece in enumerate(pieces):
                 while place not in answers:
-                    while waiting and len(running) < self.count:
-                        at = waiting.popleft()
-                        helper = _Helper.begun(partial(answer_of, at))
-                        running[helper.line] = at, helper
-                    ready = wait(list(running))
-                    for line in [line for line in running if line in ready]:
-                        at, helper = running.pop(line)
+                    while waiting and len(busy) < self.count:
+                        helper = free.pop() if free else _Helper.begun(serve)
+                        busy[helper.line] = waiting[0], helper
+                        helper.ask(pickle.dumps(waiting.popleft(), PROTOCOL))
+                    ready = wait(list(busy))
+                    for line in [line for line in busy if line in ready]:
+                        at, helper = busy.pop(line)
                         answers[at] = helper.answer()
-                        helper.end()
+                        if answers[at]:
+                            free.append(helper)
+                        else:
+                            helper.end()
                 answer = answers.pop(place)
                 yield _unpickled(answer, known) if answer else work(piece)
         finally:
-            for _, helper in running.values():
+            for helper in (*free, *(helper for _, helper in busy.values())):
                 helper.end()
 
     @contextlib.contextmanager

@@ -49,6 +49,13 @@ def test_pieces_come_in_their_order_from_other_processes() -> None:
     assert os.getpid() not in {pid for _, pid in found}
 
 
+def test_a_helper_does_one_piece_after_the_other() -> None:
+    """Every fork costs a copy of what either side writes to."""
+    workers = set(Processes().each(lambda _: os.getpid(), range(12), []))
+    assert len(workers) <= CORES
+    assert os.getpid() not in workers
+
+
 def test_a_helper_keeps_to_one_core() -> None:
     """Else helpers would have helpers."""
     assert list(Processes().each(lambda _: over_shots.CORES, range(2), ())) == [1, 1]
