@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,13 @@ from analysis.diagnosis.candidate import STEPS_FROM_NEAR, Refit, extended, refit
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.linearised import Projection
 from analysis.diagnosis.progress import unwatched
-from analysis.diagnosis.successive_halving import better_on_part
+from analysis.diagnosis.successive_halving import (
+    MORE,
+    better_on_part,
+    on_all,
+    refit_of_part,
+    thinned,
+)
 from analysis.effects.acts_on import KINDS, ActsOn
 from analysis.effects.effect import Effect
 from analysis.fit import joint
@@ -42,6 +49,41 @@ def best_grouping(
     ``found`` itself where no other does better. Sets of some materials are not asked where the
     shots are one material's.
     """
+    others = list(_regrouped(problem, base, found, of_some=of_some))
+    return max((found, *(r for r in others if not r.at_bound)), key=Refit.score)
+
+
+def groupings_as_good(problem: JointProblem, base: joint.Fitted, found: Refit) -> list[Refit]:
+    """Return an effect's refits in the other groupings that some shots do not tell from its own.
+
+    They are fitted to all shots. By how much one grouping leads, a law that is wrong by a little
+    may decide; which of them leaves noise it does not.
+    """
+    if len(scopes_of(found.effect)) < 2:
+        return []
+    places, slack = thinned(problem, MORE), CRITERIA.least_lead
+    few, few_base, known = refit_of_part(problem, base, found, places)
+    near = [
+        other
+        for other in _regrouped(few, few_base, known, slack=slack)
+        if not other.at_bound and known.score() - other.score() < slack
+    ]
+    carried = partial(on_all, problem=problem, base=base, part=(places, few_base))
+    return [one for one in problem.each(carried, near) if not one.at_bound]
+
+
+def _regrouped(
+    problem: JointProblem,
+    base: joint.Fitted,
+    found: Refit,
+    *,
+    of_some: bool = True,
+    slack: float = 0.0,
+) -> Iterator[Refit]:
+    """Yield an effect's refits in other groupings, sets of some materials if they may score most.
+
+    Or if they may fall short of that by no more than ``slack``.
+    """
     best = found
     by_material = [found] if found.effect.only is None and found.scope in KINDS else []
     groupings = list(_others(problem, found))
@@ -57,13 +99,11 @@ def best_grouping(
             by_material.append(other)
         if not other.at_bound and other.score() > best.score():
             best = other
+        yield other
     # a size for each shot does not stand against one for some materials: it may be theirs, too
     least = best.score() if not best.own else max((r.score() for r in by_material), default=0.0)
     for each in by_material if of_some else []:
-        for other in _of_some(problem, base, each, least):
-            if not other.at_bound and other.score() > best.score():
-                best = other
-    return best
+        yield from _of_some(problem, base, each, least - slack)
 
 
 def best_grouping_from_afar(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:

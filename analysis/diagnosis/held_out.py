@@ -10,7 +10,7 @@ from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.progress import BudgetSpentError, unwatched
 from analysis.fit.campaign_fit import heldout_rms, solve
 from analysis.fit.freed_inputs import widened_by
-from analysis.fit.joint import Fitted
+from analysis.fit.joint import MAX_ITERATIONS, Fitted
 from analysis.fit.problem import JointProblem
 from analysis.fit.result import FitResult, outcome_of
 from analysis.fit.shot_fit import collect
@@ -30,7 +30,9 @@ def heldout_or_none(problem: JointProblem, fitted: Fitted) -> float | None:
         return None
 
 
-def as_fit_result(problem: JointProblem, fitted: Fitted, *, heldout: bool = True) -> FitResult:
+def as_fit_result(
+    problem: JointProblem, fitted: Fitted, *, heldout: bool = True, steps: int = MAX_ITERATIONS
+) -> FitResult:
     """Return a model at its best as the fit result that `fit_campaign` would have made of it.
 
     What its effects' laws may be wrong by is among its globals; the covariance is widened where the
@@ -44,7 +46,7 @@ def as_fit_result(problem: JointProblem, fitted: Fitted, *, heldout: bool = True
     inexact = discrepancy(own, fitted)
     if inexact is not None:
         own = widened_by(own, inexact.as_inputs(own.shots), own.prior_precision)
-    found, scale = solve(own, fitted.nuisances)
+    found, scale = solve(own, fitted.nuisances, steps=steps)
     held = None
     if heldout and inexact is None:
         timed = dataclasses.replace(own, checkpoint=problem.checkpoint)

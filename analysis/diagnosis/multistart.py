@@ -16,6 +16,7 @@ from analysis.diagnosis.basis.linear_filter import DAMPED
 from analysis.diagnosis.basis.proposals import (
     Proposal,
     can_be_negative,
+    column_is_difference,
     default_starts,
     rescoped,
     scopes_of,
@@ -64,6 +65,8 @@ class Start:
     """Where the present model begins, if not at its best."""
     only: ActsOn | None = None
     """The materials that the effect acts on; None for all."""
+    possible: bool = True
+    """Some size that first order asks for is one that the effect can have."""
 
 
 def starts(
@@ -83,9 +86,11 @@ def starts(
             sizes = dict(zip(seen.groups, seen.coefficients.values(), strict=True))
             own = seen.dof if scope == "shot" else 0
             paid = CRITERIA.price_of_number * (seen.dof - own)
-            promised = seen.gain - paid - price_of_scatter(own, seen.gain)
+            possible = _is_possible(proposal, sizes)
+            gain = seen.gain if possible else 0.0
+            promised = gain - paid - price_of_scatter(own, gain)
             own_starts = found.setdefault(proposal.effect_id, [])
-            own_starts.append(Start(proposal, scope, sizes, promised))
+            own_starts.append(Start(proposal, scope, sizes, promised, possible=possible))
             if seen.sizes is not None:
                 own_starts += _on_some(proposal, seen.sizes)
     for some in found.values():
@@ -117,6 +122,18 @@ def where_it_rings(
     return list(found.values())
 
 
+def _is_possible(proposal: Proposal, sizes: dict[str, float]) -> bool:
+    """Tell whether an effect can have any of its first-order sizes.
+
+    It has one sign, and where the column is all that a start does *nothing* of it is none.
+    """
+    if column_is_difference(proposal):
+        whole = 1.0 if proposal.amplitude is None else proposal.coordinates[proposal.amplitude]
+        return any(size > CRITERIA.nothing * whole for size in sizes.values())
+    signed = proposal.amplitude is not None and not can_be_negative(proposal.effect)
+    return not signed or any(size > 0.0 for size in sizes.values())
+
+
 def _on_some(proposal: Proposal, sizes: Sizes) -> list[Start]:
     """Return the most promising start on some materials of a kind, none where there is none."""
     either = can_be_negative(proposal.effect)
@@ -143,7 +160,9 @@ def distinct(
     do sizes that do not rest on them: those that an earlier turn has fitted, else the usual ones.
     """
     some = [s for s in own[:1] if s.only is not None]
-    own = [s for s in own if s.only is None]
+    own = [s for s in own if s.only is None and (s.possible or bent)]
+    if not own:
+        return some
     structure = own[0].proposal.effect.structure is not None
     wanted = STARTS_PER_STRUCTURE if structure else STARTS_PER_EFFECT
     found: list[Start] = []

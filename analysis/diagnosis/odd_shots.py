@@ -99,6 +99,7 @@ def without_odd_shots(step: Step, usual: joint.Fitted, progress: Progress) -> Re
     if whole < FEWEST:
         return None
     most = math.ceil(CRITERIA.little * whole)
+    likely = None if step.tested is None else step.score_test.clearest
     part = _Part(list(range(whole)), step.problem, step.fitted)
     if part.is_hopeless:
         near = _with_one_left_out(step, part) or _trimmed(step, usual.nuisances, most)
@@ -108,7 +109,7 @@ def without_odd_shots(step: Step, usual: joint.Fitted, progress: Progress) -> Re
     while not part.fitted.failed and len(part.kept) >= whole - most:
         odd, certain = _odd_one(part, most - (whole - len(part.kept)))
         if len(part.kept) < whole and not certain:
-            rest = Step(part.problem, part.fitted)
+            rest = Step(part.problem, part.fitted, likely=likely)
             if not rest.structured:
                 return _set_aside(step, rest, part.kept)
         if odd is None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import cached_property, partial
 
 import numpy as np
 
+from analysis.aliases import Array
 from analysis.base_models import DEFAULT_BASE, RINGING_BASES
 from analysis.campaign import Campaign
 from analysis.diagnosis.backward_elimination import (
@@ -28,7 +29,7 @@ from analysis.diagnosis.model_free import Shown, left_by_model, shown_by_records
 from analysis.diagnosis.multistart import usual_place
 from analysis.diagnosis.next_drop import NextDrop, propose
 from analysis.diagnosis.noise_check import Background, check_noise
-from analysis.diagnosis.odd_shots import SetAside, count_as_noise, without_odd_shots
+from analysis.diagnosis.odd_shots import Rest, SetAside, count_as_noise, without_odd_shots
 from analysis.diagnosis.progress import (
     BudgetSpentError,
     MethodStep,
@@ -181,9 +182,10 @@ def diagnose_campaign(
 def _found(campaign: Campaign, base: str | None, told: Watch) -> Diagnosis:
     """Return the verdict, and what it rests on."""
     selection, usual = _base(campaign, base or DEFAULT_BASE, told)
+    reasons = _OtherReasons(selection.last, usual, told)
     if base is None and not selection.adequate:
         with contextlib.suppress(BudgetSpentError):
-            selection, usual = _obeyed_base(campaign, selection, usual, told)
+            selection, usual = _obeyed_base(campaign, selection, reasons)
     if tells_no_modulus(selection.last.problem, selection.last.fitted):
         told(MethodStep.STRUCTURE.told("no modulus can be told; what else do they show?"), 0.05)
     if selection.last.problem.model.kind == solver.HSD and not selection.adequate:
@@ -205,16 +207,17 @@ def _found(campaign: Campaign, base: str | None, told: Watch) -> Diagnosis:
         with contextlib.suppress(BudgetSpentError):
             selection = _with_what_shows(selection, usual)
     rest, usual_of_rest = selection, usual
-    inside = not selection.adequate and is_inside_shots(selection.last, usual)
+    reasons = reasons.beside(selection.last, usual)
+    inside = not selection.adequate and reasons.is_inside_shots
     if not (selection.adequate or inside):
         with contextlib.suppress(BudgetSpentError):
-            rest, usual_of_rest, set_aside = _without_odd_shots(selection, usual, told)
+            rest, usual_of_rest, set_aside = _without_odd_shots(selection, reasons)
     found = rest if rest.adequate else with_uncertain_numbers(rest)
     # one mistake is less than several odd shots
     if not (rest.adequate or inside) or len(set_aside) > 1:
         with contextlib.suppress(BudgetSpentError):
             free = found if rest is selection else with_uncertain_numbers(selection)
-            mistaken = _mistaken(selection, free, usual, told)
+            mistaken = _mistaken(selection, free, reasons)
             if mistaken is not None:
                 return _beside(seen, mistaken)
     if not found.adequate:
@@ -247,16 +250,53 @@ def _but_for_the_line(found: Selection, start: Selection, seen: Background) -> D
     return None
 
 
-def _mistaken(
-    selection: Selection, free: Selection, usual: joint.Fitted, told: Watch
-) -> Diagnosis | None:
+@dataclass(frozen=True)
+class _OtherReasons:
+    """What beside an effect may be the reason of what a base leaves; each is asked once."""
+
+    step: Step
+    usual: joint.Fitted
+    told: Watch
+
+    def beside(self, step: Step, usual: joint.Fitted) -> _OtherReasons:
+        """Return the same for another model; itself where it is this one."""
+        return self if step is self.step else _OtherReasons(step, usual, self.told)
+
+    @cached_property
+    def is_inside_shots(self) -> bool:
+        """Whether what is left is inside single shots, and so neither of the others."""
+        return is_inside_shots(self.step, self.usual)
+
+    @cached_property
+    def rest(self) -> Rest | None:
+        """The base without shots that do not belong; None where there are none."""
+        return without_odd_shots(self.step, self.usual, self.told)
+
+    @cached_property
+    def mistake(self) -> Named | None:
+        """The mistake that explains all; None where there is none."""
+        name = self.step.problem.model.base_name
+        return named_mistake(self.step, partial(_restated, base=name, told=self.told), self.told)
+
+    @property
+    def explain(self) -> bool:
+        """Whether shots that do not belong, or one mistake, explain what a base leaves.
+
+        One shot with a wrong label bends a few shots as another law would; a coupon whose mass
+        lacks a digit seems not to ride on the crystal.
+        """
+        if self.is_inside_shots:
+            return False
+        return self.rest is not None or self.mistake is not None
+
+
+def _mistaken(selection: Selection, free: Selection, reasons: _OtherReasons) -> Diagnosis | None:
     """Return the verdict that a mistake of the record explains all, None where an effect may.
 
     A mistake that was not compared with all effects, as the time was over, is one of a family.
     ``free`` is the selection with stated numbers uncertain, on which effects are compared.
     """
-    name = selection.last.problem.model.base_name
-    named = named_mistake(selection.last, partial(_restated, base=name, told=told), told)
+    named, usual, told = reasons.mistake, reasons.usual, reasons.told
     if named is None:
         return None
     as_good, compared = [], True
@@ -299,7 +339,7 @@ def _effect_and_mistake(start: Selection, found: Selection, told: Watch) -> Diag
     ways: list[tuple[float, Refit, Named]] = []
     for first in sorted(tried, key=lambda r: -r.score())[:FIRSTS_TRIED]:
         fit = partial(_refitted, start=start, like=first)
-        problem, fitted = fit(campaign)
+        problem, fitted = fit(campaign, nuisances=first.fitted.nuisances)
         whole = refitted(
             dataclasses.replace(first, problem=problem, fitted=fitted, on_all_shots=True),
             start.last.problem,
@@ -328,23 +368,28 @@ def _effect_and_mistake(start: Selection, found: Selection, told: Watch) -> Diag
 
 
 def _refitted(
-    campaign: Campaign, *, start: Selection, like: Refit
+    campaign: Campaign, *, start: Selection, like: Refit, nuisances: Array | None = None
 ) -> tuple[JointProblem, joint.Fitted]:
-    """Return the model of a start with one more effect, fitted to a campaign stated otherwise."""
+    """Return the model of a start with one more effect, fitted to a campaign stated otherwise.
+
+    ``nuisances`` are where the shots' own numbers begin; as prepared by default.
+    """
     last = start.last.problem
-    problem, nuisances = with_start(build(campaign, last.model))
+    problem, prepared = with_start(build(campaign, last.model))
     problem = dataclasses.replace(problem, checkpoint=last.checkpoint, cores=last.cores)
-    larger, theta, nuisances = extended(problem, usual_place(problem, nuisances), like.effect, {})
+    usual = usual_place(problem, prepared)
+    larger, theta, prepared = extended(problem, usual, like.effect, {})
+    own = prepared if nuisances is None or nuisances.shape != prepared.shape else nuisances
     known = dict(zip(like.problem.names, like.fitted.theta, strict=True))
     begin = np.array([known.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
-    return larger, joint.fit(larger, nuisances, theta=begin)
+    return larger, joint.fit(larger, own, theta=begin)
 
 
 def _without_odd_shots(
-    selection: Selection, usual: joint.Fitted, told: Watch
+    selection: Selection, reasons: _OtherReasons
 ) -> tuple[Selection, joint.Fitted, tuple[SetAside, ...]]:
     """Return the selection and its usual place without shots that do not belong, and those."""
-    rest = without_odd_shots(selection.last, usual, told)
+    rest, usual = reasons.rest, reasons.usual
     if rest is None:
         return selection, usual, ()
     usual = dataclasses.replace(usual, nuisances=usual.nuisances[rest.kept])
@@ -381,7 +426,7 @@ def _restated(campaign: Campaign, base: str, told: Watch) -> tuple[JointProblem,
 
 
 def _obeyed_base(
-    campaign: Campaign, selection: Selection, usual: joint.Fitted, told: Watch
+    campaign: Campaign, selection: Selection, reasons: _OtherReasons
 ) -> tuple[Selection, joint.Fitted]:
     """Return the selection and its usual place under the ringing base that the records obey.
 
@@ -390,9 +435,8 @@ def _obeyed_base(
     leaves noise of most shots is obeyed by all, and the others have another reason. Before that the
     bases between these two are asked (`_mixed_base`).
     """
-    mixed = _mixed_base(selection.last.problem)
-    explained = cache(partial(_has_another_reason, selection, usual, told))
-    if mixed is not None and not explained():
+    mixed, usual, told = _mixed_base(selection.last.problem), reasons.usual, reasons.told
+    if mixed is not None and not reasons.explain:
         start = _base(campaign, mixed, told)
         mimicked = not start[0].adequate and _effect_leads((selection, usual), start, told)
         return (selection, usual) if mimicked else start
@@ -404,24 +448,9 @@ def _obeyed_base(
         samples = sum(item.data for item in selection.last.problem.shots)
         least = CRITERIA.least_lead * max(1.0, fitted.cost / samples)
         leads = not fitted.failed and selection.last.fitted.cost - fitted.cost > least
-        if leads and not explained():
+        if leads and not reasons.explain:
             selection, usual = _base(campaign, name, told)
     return selection, usual
-
-
-def _has_another_reason(selection: Selection, usual: joint.Fitted, told: Watch) -> bool:
-    """Tell whether shots that do not belong, or one mistake, explain what a base leaves.
-
-    One shot with a wrong label bends a few shots as another law would; a coupon whose mass lacks a
-    digit seems not to ride on the crystal. What is inside single shots is neither.
-    """
-    if is_inside_shots(selection.last, usual):
-        return False
-    if without_odd_shots(selection.last, usual, told) is not None:
-        return True
-    name = selection.last.problem.model.base_name
-    fit = partial(_restated, base=name, told=told)
-    return named_mistake(selection.last, fit, told) is not None
 
 
 def _effect_leads(

@@ -12,17 +12,20 @@ from analysis.diagnosis.forms import best_form
 from analysis.diagnosis.grouping_search import (
     best_grouping,
     best_grouping_from_afar,
+    groupings_as_good,
     promises_other_grouping,
 )
 from analysis.diagnosis.linearised import Linearised, linearise
 from analysis.diagnosis.one_material import WithoutMaterial
 from analysis.diagnosis.progress import unwatched
 from analysis.diagnosis.score_test import (
+    Part,
     ScoreTest,
     check_residual,
     has_clear_surplus,
     is_far_from_noise,
     run_score_test,
+    shows_structure,
     takes_statements_as_exact,
 )
 from analysis.fit import joint
@@ -54,6 +57,8 @@ class Step:
     """The same model without each material's shots, where that was asked."""
     reduced: dict[str, Step | None] = field(default_factory=dict)
     """The same model without one of its effects, by the effect's id, where that was asked."""
+    likely: Part | None = None
+    """The test that a step like this one failed most clearly: asked first, and alone."""
     compared: bool = False
     """What can be tried, or the slot of what was taken, was compared as far as the time went."""
     unfinished: bool = False
@@ -99,7 +104,14 @@ class Step:
                 return True
             if not takes_statements_as_exact(self.problem) and has_clear_surplus(self.residual):
                 return True
+            if self._fails_likely:
+                return True
         return self.score_test.structured
+
+    @cached_property
+    def _fails_likely(self) -> bool:
+        likely = self.likely
+        return likely is not None and shows_structure(unwatched(self.problem), self.fitted, likely)
 
     @property
     def impossible(self) -> bool:
@@ -170,7 +182,7 @@ class Selection:
 
     def on(self, found: Refit) -> Selection:
         """Return the selection one effect further, in the form and grouping that score highest."""
-        near = Selection([*self.steps, Step(found.problem, found.fitted)], [*self.chosen, found])
+        near = self._with(found)
         settled = near.settled
         if settled and not promises_other_grouping(found):
             return near
@@ -180,8 +192,26 @@ class Selection:
         else:
             wide = best_grouping_from_afar(*before, best_form(*before, found))
         lead = wide.score() - found.score()
-        if not lead > 0.0:
-            return near
-        wider = Selection([*self.steps, Step(wide.problem, wide.fitted)], [*self.chosen, wide])
-        # where the same effect ends in noise it needs no lead
-        return wider if lead > CRITERIA.least_lead or wider.adequate else near
+        taken = near
+        if lead > 0.0:
+            wider = self._with(wide)
+            # where the same effect ends in noise it needs no lead
+            taken = wider if lead > CRITERIA.least_lead or wider.adequate else near
+        if settled or not taken.leaves_next_to_nothing:
+            return taken
+        others = map(self._with, groupings_as_good(*before, taken.chosen[-1]))
+        return min((o for o in others if o.adequate), key=lambda o: o.score, default=taken)
+
+    def _with(self, found: Refit) -> Selection:
+        return Selection([*self.steps, Step(found.problem, found.fitted)], [*self.chosen, found])
+
+    @property
+    def leaves_next_to_nothing(self) -> bool:
+        """Whether structure is left, but next to nothing of what the last effect has taken up.
+
+        So much a law that is taken as written may be wrong by, in a wrong grouping as in a right.
+        """
+        last = self.last
+        if last.impossible or is_far_from_noise(last.problem, last.fitted) or self.adequate:
+            return False
+        return last.score_test.left < CRITERIA.nothing * self.chosen[-1].gain

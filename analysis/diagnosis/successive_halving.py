@@ -293,7 +293,7 @@ def _best_forms(tries: list[Refit], base: joint.Fitted, *, bent: bool, far: bool
 
 def _short(entries: dict[str, list[Start]]) -> list[str]:
     """Return the groups worth a refit where slopes can be trusted."""
-    order = list(entries)
+    order = [name for name, own in entries.items() if any(s.possible for s in own)]
     return order[:SHORTLIST] + [
         o for o in order[SHORTLIST:] if _slope_says_little(entries[o][0].proposal.effect)
     ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -29,13 +30,17 @@ RESTART_STEPS = 2
 
 
 def fit_from_start(
-    problem: JointProblem, nuisances: Array, progress: Callable[[str, float], None] | None = None
+    problem: JointProblem,
+    nuisances: Array,
+    progress: Callable[[str, float], None] | None = None,
+    *,
+    steps: int = joint.MAX_ITERATIONS,
 ) -> joint.Fitted:
     """Return a base model's fit from its start, without shots of a restitution above one."""
-    fitted = joint.fit(problem, nuisances, progress=progress)
+    fitted = joint.fit(problem, nuisances, progress=progress, max_iterations=steps)
     if joint.is_hopeless(problem, fitted.cost):
         return fitted
-    return fitted_below_one(problem, fitted, joint.fit)
+    return fitted_below_one(problem, fitted, partial(joint.fit, max_iterations=steps))
 
 
 def fitted_below_one(

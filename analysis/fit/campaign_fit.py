@@ -54,13 +54,17 @@ def _widen(problem: JointProblem, factor: float) -> None:
 
 
 def solve(
-    problem: JointProblem, nuisances: Array, progress: Progress | None = None
+    problem: JointProblem,
+    nuisances: Array,
+    progress: Progress | None = None,
+    *,
+    steps: int = joint.MAX_ITERATIONS,
 ) -> tuple[joint.Fitted, float]:
     """Return the fit and the factor on the noise variance, 1 where the model explains the data.
 
     ``problem`` is prepared; its noise is widened in place where the residual exceeds it.
     """
-    fitted = fit_from_start(problem, nuisances, progress)
+    fitted = fit_from_start(problem, nuisances, progress, steps=steps)
     scale = 1.0
     for _ in range(MISFIT_ROUNDS):
         if fitted.failed:

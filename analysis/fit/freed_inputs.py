@@ -156,7 +156,7 @@ def without_inputs(covariance: Array, follows: Array) -> Array:
     return np.asarray((vectors * np.maximum(values, floor)) @ vectors.T)
 
 
-def inputs_freed(result: FitResult) -> FitResult:
+def inputs_freed(result: FitResult, *, steps: int = joint.MAX_ITERATIONS) -> FitResult:
     """Return a fit in which masses, radii, heights and the like are as uncertain as stated.
 
     It starts from ``result`` and ends a step or two from there. It is ``result`` itself if no such
@@ -173,6 +173,7 @@ def inputs_freed(result: FitResult) -> FitResult:
         theta=theta,
         damping=joint.LEAST_DAMPING,
         tolerance=joint.STEP_TOLERANCE if result.misfit == 1.0 else joint.ROUGH_TOLERANCE,
+        max_iterations=steps,
     )
     if fitted.failed:
         return result

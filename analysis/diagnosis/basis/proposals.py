@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,6 +13,7 @@ import numpy as np
 from analysis.aliases import Array
 from analysis.effects.effect import Effect, EffectParameter
 from analysis.effects.library import library
+from analysis.fit.joint import Fitted
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.model.impact_model import ImpactModel
 
@@ -167,6 +169,48 @@ def column(
     elif delays:
         base = _delayed_as(signal, base, model, local, item)
     return ((signal - base) / step)[:, None], np.array([shift / step])
+
+
+def column_is_difference(proposal: Proposal) -> bool:
+    """Tell whether what an effect does grows with a power of its size: its column is no derivative.
+
+    What begins at a threshold does not.
+    """
+    effect, at = proposal.effect, proposal.amplitude
+    if effect.basis is not None or not effect.parameters:
+        return False
+    if at is not None:
+        return effect.parameters[at].delays
+    return not any(p.threshold or p.peak_starts for p in effect.parameters)
+
+
+def growth(proposal: Proposal, problem: JointProblem, fitted: Fitted) -> float:
+    """Return with which power of its size an effect grows near a start; 0 where none is seen.
+
+    Asked of the strongest shot: what is left of the effect there beside all other parameters, at
+    the start and at half its size. Negative where a larger number does less.
+    """
+    row = max(range(len(problem.shots)), key=lambda at: problem.shots[at].window.peak)
+    item = problem.item_at(problem.shots[row], fitted.theta)
+    shared, _ = problem.shared_local(item, fitted.theta)
+    local = np.concatenate([shared, fitted.nuisances[row]])
+    found, jacobian, _ = problem.model.linearise(local, item.frame)
+    known, _ = np.linalg.qr(jacobian)
+    wider = problem.model.with_effect(rescoped(proposal.effect, "rig"))
+    share, _ = problem.coupon_share(item, float(shared[0]), np.zeros(fitted.theta.size))
+    at = size_of(proposal.effect) or 0
+    parameter, sizes = proposal.effect.parameters[at], []
+    for part in (1.0, 0.5):
+        coordinates = list(proposal.coordinates)
+        coordinates[at] = parameter.coordinate(part * parameter.value(coordinates[at]))
+        moved = dataclasses.replace(proposal, coordinates=tuple(coordinates))
+        models = problem.model, wider
+        shown, _ = column(moved, models, local, item, found.signal, coupon_share=share)
+        shown = shown[:, 0] * (1.0 if proposal.amplitude is None else coordinates[at])
+        sizes.append(float(np.linalg.norm(shown - known @ (known.T @ shown))))
+    if not (min(sizes) > 0.0 and math.isfinite(sum(sizes))):
+        return 0.0
+    return math.log2(sizes[0] / sizes[1])
 
 
 def _delayed_as(

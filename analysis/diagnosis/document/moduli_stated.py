@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.aliases import Json
-from analysis.diagnosis.candidate import Refit
+from analysis.diagnosis.candidate import STEPS_FROM_NEAR, Refit
 from analysis.diagnosis.held_out import as_fit_result
 from analysis.diagnosis.procedure import Diagnosis
 from analysis.diagnosis.progress import unwatched
@@ -126,18 +126,25 @@ def family_members(diagnosis: Diagnosis, after: FitResult) -> list[Member]:
     """Return the models that the data do not tell apart, the one that stands first.
 
     In each of the others one name is replaced, or one form. ``after`` is the first one, masses and
-    the like as uncertain as they are.
+    the like as uncertain as they are. Every other one has been fitted: along a bent valley it goes
+    no further than a search lets it.
     """
+
+    def ended(rival: Refit) -> FitResult:
+        """Return another model as the result of a fit."""
+        exact = as_fit_result(rival.problem, rival.fitted, heldout=False, steps=STEPS_FROM_NEAR)
+        return inputs_freed(exact, steps=STEPS_FROM_NEAR)
+
     found: list[Member] = []
     for taken in diagnosis.chosen:
         forms = diagnosis.forms_as_good.get(taken.effect_id, [])
         rivals = [*diagnosis.rivals.get(taken.effect_id, []), *forms]
         if rivals and not found:
             found.append(Member(taken.effect.id, after, diagnosis.steps[-1].fitted.cost))
-        for rival in rivals:
-            freed = inputs_freed(as_fit_result(rival.problem, rival.fitted, heldout=False))
+        results = taken.problem.each(ended, rivals)
+        for rival, result in zip(rivals, results, strict=True):
             squares = rival.fitted.cost + _price(rival) - _price(taken)
-            found.append(Member(rival.effect.id, freed, squares))
+            found.append(Member(rival.effect.id, result, squares))
     return found
 
 

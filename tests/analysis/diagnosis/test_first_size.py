@@ -10,6 +10,7 @@ from analysis.diagnosis.basis.proposals import proposals
 from analysis.diagnosis.candidate import refit
 from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.multistart import starts
+from analysis.diagnosis.successive_halving import FIRST_STEPS
 from analysis.fit import joint
 from analysis.fit.problem import build
 from analysis.fit.start import with_start
@@ -58,3 +59,39 @@ def test_what_a_slow_amplifier_does_beside_its_delay_is_seen(tmp_path: Path) -> 
     found = starts(linearise(problem, base, tried), tried)
     assert next(iter(found)) == "amplifier_lowpass"
     assert found["amplifier_lowpass"][0].proposal.effect.id == "amplifier_lowpass:second_order"
+
+
+@pytest.mark.parametrize(
+    ("effect", "form", "numbers"),
+    [
+        ("amplifier_lowpass", "second_order", {"cutoff_hz": 9e4, "filter_order": 2}),
+        ("surface_roughness", "toe", {"roughness_m": 8e-7}),
+    ],
+)
+def test_a_bent_effect_begins_at_a_size_that_does_as_much(
+    tmp_path: Path, effect: str, form: str, numbers: dict[str, float]
+) -> None:
+    """It grows with a power of its size: in proportion it would begin ten times too small."""
+    campaign = small_campaign(tmp_path, effect, **numbers)
+    problem, nuisances = with_start(build(campaign, model_named("kv2")))
+    base = joint.fit(problem, nuisances)
+    tried = [p for p in proposals(problem)[0] if p.effect_id == effect]
+    found = starts(linearise(problem, base, tried), tried)[effect]
+    first = next(s for s in found if s.scope == "rig")
+    assert first.proposal.effect.id == f"{effect}:{form}"
+    after_few, after_many = (
+        refit(
+            problem,
+            base,
+            first.proposal,
+            scope="rig",
+            coefficients=first.coefficients,
+            linear_gain=first.promised,
+            max_iterations=steps,
+        ).gain
+        for steps in (FIRST_STEPS, 60)
+    )
+    assert after_many > 60.0
+    assert after_few > 0.9 * after_many
+    # a size of the wrong sign promises nothing
+    assert all(s.promised < 0.0 for s in found if all(v < 0.0 for v in s.coefficients.values()))

@@ -15,6 +15,7 @@ from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.grouping_search import (
     best_grouping,
+    groupings_as_good,
     promises_other_grouping,
     seen_on,
     sizes_of,
@@ -24,6 +25,7 @@ from analysis.diagnosis.multistart import starts
 from analysis.diagnosis.named_model import definition_of, model_of
 from analysis.diagnosis.procedure import diagnose_campaign
 from analysis.diagnosis.progress import BudgetSpentError
+from analysis.diagnosis.selection import Selection, Step
 from analysis.diagnosis.successive_halving import rivals_refitted
 from analysis.effects.acts_on import ActsOn
 from analysis.fit import joint
@@ -146,6 +148,30 @@ def test_a_thin_coupon_promises_something_to_first_order(tmp_path: Path) -> None
     tried = [p for p in proposals(problem)[0] if p.effect.id == "finite_thickness"]
     found = starts(linearise(problem, base, tried), tried)["finite_thickness"]
     assert found[0].promised > CRITERIA.least_lead
+
+
+def test_groupings_that_some_shots_do_not_tell_apart_are_fitted_to_all(tmp_path: Path) -> None:
+    """A hard coupon feels little of how thin it is: with it or without it is nearly the same."""
+    both = ("aluminium", "specimen")
+    scope = Scope(surface=both)
+    shots = campaign(tmp_path, "finite_thickness", scope, 3, thickness_m=2.4e-3)
+    problem, nuisances = with_start(build(shots, model_named("kv2")))
+    base = joint.fit(problem, nuisances)
+    tried = {p.effect.id: p for p in proposals(problem)[0]}
+    alone = refit(
+        problem,
+        base,
+        tried["finite_thickness:dimitriadis"],
+        scope="surface",
+        coefficients={},
+        linear_gain=0.0,
+        only=ActsOn("surface", ("specimen",)),
+    )
+    found = groupings_as_good(problem, base, alone)
+    assert ActsOn("surface", both) in [one.effect.only for one in found]
+    assert all(one.on_all_shots and one.effect_id == "finite_thickness" for one in found)
+    step = Step(problem, base)
+    assert not Selection([step, Step(alone.problem, alone.fitted)], [alone]).leaves_next_to_nothing
 
 
 @pytest.mark.slow

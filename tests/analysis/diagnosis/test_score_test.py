@@ -21,6 +21,7 @@ from analysis.diagnosis.score_test import (
     has_clear_surplus,
     independent_tests,
     p_of_wander,
+    shows_structure,
 )
 from analysis.diagnosis.selection import Selection, Step
 from analysis.fit import joint
@@ -122,6 +123,17 @@ def test_a_clear_surplus_needs_no_column(restless):
     assert step.structured
     assert step.tested is None
     assert step.score_test.structured
+
+
+def test_one_test_that_fails_needs_no_other(leaky, clean):
+    """Alone it finds the structure that all find, and none where there is none."""
+    found, noise = leaky.steps[0], clean.steps[0]
+    assert shows_structure(found.problem, found.fitted, found.score_test.clearest)
+    again = Step(found.problem, found.fitted, likely=found.score_test.clearest)
+    assert again.structured
+    assert again.tested is None
+    assert not shows_structure(noise.problem, noise.fitted, noise.score_test.clearest)
+    assert not Step(noise.problem, noise.fitted, likely=noise.score_test.clearest).structured
 
 
 def test_a_level_that_is_a_guess_allows_no_such_verdict(restless):
