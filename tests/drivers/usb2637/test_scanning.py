@@ -58,13 +58,13 @@ def test_every_sample_arrives_once_and_in_order(make_bench):
 
 def test_a_board_that_fell_silent_after_an_overrun_is_told_as_one(make_bench):
     """Its status is asked for, so that it is not taken for a board that hangs."""
-    bench = make_bench(fifo_samples=30_000)
+    bench = make_bench(fifo_samples=300_000)
     bench.digitizer.ensure_ready()
     bench.digitizer.arm(TRIGGER)
     read = bench.board.converter.read_into
 
     def late(*arguments):
-        time.sleep(0.1)  # 100 000 samples
+        time.sleep(1.0)  # 1 000 000 samples
         return read(*arguments)
 
     bench.board.converter.read_into = late
