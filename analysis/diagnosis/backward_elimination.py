@@ -136,9 +136,10 @@ def each_held_against_others(selection: Selection) -> tuple[Selection, dict[str,
     left_open = selection.left_open
 
     def others_of(taken: Refit) -> set[str] | None:
-        """Return the names to hold against one; None for all of its slot."""
+        """Return the names to hold against one; None for all that could stand in for it."""
         return None if left_open is None else set(left_open.get(taken.effect_id, ()))
 
+    turns = dict(zip([c.effect_id for c in selection.chosen], selection.steps, strict=False))
     before, asked = selection.steps[-2], others_of(selection.chosen[-1])
     if asked is not None:
         asked -= {r.effect_id for r in before.refits if r.on_all_shots}
@@ -152,6 +153,9 @@ def each_held_against_others(selection: Selection) -> tuple[Selection, dict[str,
         turned = _as_last(selection, taken) if asked is None or asked else None
         if turned is None:
             continue
+        if asked is None:
+            asked = _could_stand_in(turns[taken.effect_id], taken)
+            asked -= {c.effect_id for c in selection.chosen}
         held = held_against_others(turned, asked)
         if held.chosen[-1].effect_id != turned.chosen[-1].effect_id:
             selection = held
@@ -162,6 +166,13 @@ def each_held_against_others(selection: Selection) -> tuple[Selection, dict[str,
             }
         near |= _rivals(held)
     return selection, near
+
+
+def _could_stand_in(turn: Step, taken: Refit) -> set[str]:
+    """Return the names of an effect's slot, and of any that explained half as much at its turn."""
+    most = CRITERIA.half * max((r.gain for r in turn.refits if not r.at_bound), default=0.0)
+    near = {r.effect_id for r in turn.refits if not r.at_bound and r.gain > most}
+    return near | {o for o in _can_be_tried(turn) if library()[o].slot == taken.effect.slot}
 
 
 def forms_not_told_apart(selection: Selection) -> dict[str, list[Refit]]:

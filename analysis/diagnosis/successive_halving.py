@@ -188,7 +188,7 @@ def _begins(
 def rivals_refitted(
     problem: JointProblem, fitted: joint.Fitted, taken: Refit, effect_ids: set[str] | None = None
 ) -> list[Refit]:
-    """Return the other effects of a slot, each form fitted to some shots, best first.
+    """Return other effects, by default of its slot, each form fitted to some shots, best first.
 
     From the most promising start of each form, with one size for all shots, or for the materials
     that the taken one acts on. The best few, and what is close to the taken one, go on to all.
@@ -196,9 +196,10 @@ def rivals_refitted(
     tried = [
         p
         for p in proposals(problem)[0]
-        if p.effect.slot == taken.effect.slot
-        and p.effect_id != taken.effect_id
-        and (effect_ids is None or p.effect_id in effect_ids)
+        if p.effect_id != taken.effect_id
+        and (
+            p.effect.slot == taken.effect.slot if effect_ids is None else p.effect_id in effect_ids
+        )
     ]
     places, whole = thinned(problem, MORE), list(range(len(problem.shots)))
     few, base = part_of(problem, fitted, places)

@@ -71,6 +71,24 @@ def test_the_form_of_the_first_effect_is_asked_again_beside_the_second(base: Sel
     assert found.last.fitted.cost < both.last.fitted.cost
 
 
+def test_a_name_of_another_slot_that_explained_much_is_asked_beside_the_second(
+    base: Selection,
+) -> None:
+    """What the second effect explains may have decided which came first."""
+    slow = rescoped(effect_named("amplifier_lowpass"), "rig")
+    taken = _with(base, slow, CUTOFF_HZ).chosen[-1]
+    others = [
+        dataclasses.replace(
+            taken, effect=effect_named(name), effect_id=name, gain=share * taken.gain
+        )
+        for name, share in (("base_compliance", 0.9), ("plate_radiation", 0.1))
+    ]
+    turn = dataclasses.replace(base.last, refits=[taken, *others])
+    asked = backward_elimination._could_stand_in(turn, taken)
+    assert {"base_compliance", "echo", "coupler_highpass"} <= asked
+    assert "plate_radiation" not in asked
+
+
 def test_the_grouping_of_the_first_effect_is_asked_again_beside_the_second(base: Selection) -> None:
     """Alone, the loss seemed to be everybody's; beside the filter it is one surface's."""
     wrong = _with(base, rescoped(effect_named("hunt_crossley_damping"), "rig"), LOSS_S_PER_M)
