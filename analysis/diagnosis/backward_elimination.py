@@ -104,7 +104,7 @@ def held_against_unfinished(selection: Selection) -> Selection:
 
 
 def held_against_others(selection: Selection, effect_ids: set[str] | None = None) -> Selection:
-    """Return a selection whose last effect has stood against every other of its slot.
+    """Return a selection whose last effect has stood against others, by default all of its slot.
 
     An effect that was found beside one that has since been taken off was never compared with what
     else could do the work alone. The others go among the refits of the last turn; one that does
@@ -172,7 +172,7 @@ def _could_stand_in(turn: Step, taken: Refit) -> set[str]:
     """Return the names of an effect's slot, and of any that explained half as much at its turn."""
     most = CRITERIA.half * max((r.gain for r in turn.refits if not r.at_bound), default=0.0)
     near = {r.effect_id for r in turn.refits if not r.at_bound and r.gain > most}
-    return near | {o for o in _can_be_tried(turn) if library()[o].slot == taken.effect.slot}
+    return near | _of_its_slot(turn, taken)
 
 
 def forms_not_told_apart(selection: Selection) -> dict[str, list[Refit]]:
@@ -312,7 +312,7 @@ def not_held_against(selection: Selection) -> OpenNames:
         if step.unfinished:
             others |= _never_compared(step, taken)
         elif place < len(selection.chosen) - 1 or not step.compared:
-            others |= {o for o in _can_be_tried(step) if library()[o].slot == taken.effect.slot}
+            others |= _of_its_slot(step, taken)
         others -= {c.effect_id for c in selection.chosen}
         if others:
             found[taken.effect_id] = sorted(others)
@@ -339,6 +339,10 @@ def _never_compared(step: Step, taken: Refit) -> set[str]:
     present = {e.id.partition(":")[0] for e in step.problem.model.effects}
     fitted = {r.effect_id for r in step.refits if r.on_all_shots}
     return set(_can_be_tried(step)) - present - fitted - {taken.effect_id}
+
+
+def _of_its_slot(step: Step, taken: Refit) -> set[str]:
+    return {o for o in _can_be_tried(step) if library()[o].slot == taken.effect.slot}
 
 
 def _can_be_tried(step: Step) -> Iterator[str]:

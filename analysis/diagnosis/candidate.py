@@ -12,6 +12,7 @@ import numpy as np
 
 from analysis.aliases import Array
 from analysis.diagnosis.basis.proposals import (
+    DELAY_STEPS,
     Proposal,
     column_is_difference,
     growth,
@@ -41,10 +42,6 @@ HELD = 1e-3
 STEPS_FROM_NEAR = 25
 """Of a fit that begins where one like it ended: another form or grouping, more shots. Measured in
 eight campaigns with two effects: 51 of 55 such fits ended within 20 steps."""
-FOLLOWING_STEPS = 3
-"""Of the shots' own numbers, while an effect is held at a start. Measured on a faint low-pass of
-167 kHz: after 1, 2 and 3 they left 3e5, 125 and -47 squares more than no effect, of -82 at its
-best. One step of all the rest follows; it is linear by then."""
 MOST_HALVINGS = 8
 """Of a start's size: a step 256 times too long is no promise any more."""
 COORDINATE_U = 20.0
@@ -207,7 +204,8 @@ def refit(
         start |= _sizes_that_do(proposal, effect, coefficients, problem, fitted)
     larger, theta, nuisances = extended(problem, begin or fitted, effect, start)
     if power_law:
-        nuisances = settle(larger, theta, nuisances, steps=FOLLOWING_STEPS)
+        # the shots follow a delay; the rest is linear by then
+        nuisances = settle(larger, theta, nuisances, steps=DELAY_STEPS)
         theta, nuisances = _drawn_near(larger, theta, nuisances, list(start), 1)
     elif begin is not None:
         nuisances = settle(larger, theta, nuisances, kept=KNOWN_BEFORE)

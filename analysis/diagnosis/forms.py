@@ -23,13 +23,7 @@ from analysis.diagnosis.candidate import (
     refitted,
 )
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.successive_halving import (
-    MORE,
-    better_on_part,
-    on_all,
-    refit_of_part,
-    thinned,
-)
+from analysis.diagnosis.successive_halving import as_good_on_part, better_on_part
 from analysis.effects.effect import Effect
 from analysis.effects.library import library
 from analysis.fit import joint
@@ -78,20 +72,8 @@ def forms_as_good(problem: JointProblem, base: joint.Fitted, found: Refit) -> li
     ]
     if not forms:
         return []
-    places = thinned(problem, MORE)
-    few, few_base, known = refit_of_part(problem, base, found, places)
-    near = [
-        one
-        for one in _in_forms(forms, few, few_base, known)
-        if known.score() - one.score() < CRITERIA.least_lead
-    ]
-
-    carried = partial(on_all, problem=problem, base=base, part=(places, few_base))
-    return [
-        one
-        for one in problem.each(carried, near)
-        if not one.at_bound and found.score() - one.score() < CRITERIA.least_lead
-    ]
+    near = as_good_on_part(problem, base, found, partial(_in_forms, forms))
+    return [one for one in near if found.score() - one.score() < CRITERIA.least_lead]
 
 
 def _forms_of(problem: JointProblem, found: Refit, *, rare: bool) -> list[Effect]:

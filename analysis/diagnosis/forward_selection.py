@@ -268,8 +268,7 @@ def best_reached(start: Selection, reached: Sequence[Selection]) -> Selection:
     _, selection, further = min(ways, key=lambda way: way[0])
     if further is None:
         return selection
-    ahead = Step(further.problem, further.fitted)
-    longer = Selection([*selection.steps, ahead], [*selection.chosen, further])
+    longer = selection.longer_by(further)
     # as in a whole search: what is third must leave noise with every law as it is written, or it
     # only names what the first two leave for their forms
     last = len(longer.chosen) == MAX_EFFECTS

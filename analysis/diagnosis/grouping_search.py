@@ -21,13 +21,7 @@ from analysis.diagnosis.candidate import STEPS_FROM_NEAR, Refit, extended, refit
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.linearised import Projection
 from analysis.diagnosis.progress import unwatched
-from analysis.diagnosis.successive_halving import (
-    MORE,
-    better_on_part,
-    on_all,
-    refit_of_part,
-    thinned,
-)
+from analysis.diagnosis.successive_halving import as_good_on_part, better_on_part
 from analysis.effects.acts_on import KINDS, ActsOn
 from analysis.effects.effect import Effect
 from analysis.fit import joint
@@ -61,15 +55,8 @@ def groupings_as_good(problem: JointProblem, base: joint.Fitted, found: Refit) -
     """
     if len(scopes_of(found.effect)) < 2:
         return []
-    places, slack = thinned(problem, MORE), CRITERIA.least_lead
-    few, few_base, known = refit_of_part(problem, base, found, places)
-    near = [
-        other
-        for other in _regrouped(few, few_base, known, slack=slack)
-        if not other.at_bound and known.score() - other.score() < slack
-    ]
-    carried = partial(on_all, problem=problem, base=base, part=(places, few_base))
-    return [one for one in problem.each(carried, near) if not one.at_bound]
+    others = partial(_regrouped, slack=CRITERIA.least_lead)
+    return as_good_on_part(problem, base, found, others)
 
 
 def _regrouped(

@@ -372,7 +372,8 @@ def _refitted(
 ) -> tuple[JointProblem, joint.Fitted]:
     """Return the model of a start with one more effect, fitted to a campaign stated otherwise.
 
-    ``nuisances`` are where the shots' own numbers begin; as prepared by default.
+    ``nuisances`` are where the shots' own numbers begin; as prepared where they are None, or those
+    of a part of the shots.
     """
     last = start.last.problem
     problem, prepared = with_start(build(campaign, last.model))
@@ -647,8 +648,7 @@ def _shown(selection: Selection, usual: joint.Fitted) -> tuple[Selection, list[S
         watched = dataclasses.replace(found.problem, checkpoint=last.problem.checkpoint)
         found = dataclasses.replace(found, problem=watched)
         if not found.fitted.failed and (found.gain > 0.0 or one.in_noise):
-            step = Step(found.problem, found.fitted)
-            selection = Selection([*selection.steps, step], [*selection.chosen, found])
+            selection = selection.longer_by(found)
             shown.append(one)
     return selection, shown
 

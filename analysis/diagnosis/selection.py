@@ -182,7 +182,7 @@ class Selection:
 
     def on(self, found: Refit) -> Selection:
         """Return the selection one effect further, in the form and grouping that score highest."""
-        near = self._with(found)
+        near = self.longer_by(found)
         settled = near.settled
         if settled and not promises_other_grouping(found):
             return near
@@ -194,15 +194,16 @@ class Selection:
         lead = wide.score() - found.score()
         taken = near
         if lead > 0.0:
-            wider = self._with(wide)
+            wider = self.longer_by(wide)
             # where the same effect ends in noise it needs no lead
             taken = wider if lead > CRITERIA.least_lead or wider.adequate else near
         if settled or not taken.leaves_next_to_nothing:
             return taken
-        others = map(self._with, groupings_as_good(*before, taken.chosen[-1]))
+        others = map(self.longer_by, groupings_as_good(*before, taken.chosen[-1]))
         return min((o for o in others if o.adequate), key=lambda o: o.score, default=taken)
 
-    def _with(self, found: Refit) -> Selection:
+    def longer_by(self, found: Refit) -> Selection:
+        """Return the selection one effect further, in the form and grouping that it has."""
         return Selection([*self.steps, Step(found.problem, found.fitted)], [*self.chosen, found])
 
     @property

@@ -9,7 +9,7 @@ the residual is many times the noise the usual sizes of every effect are tried b
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -500,6 +500,27 @@ def better_on_part(
     if best.common > 0.0:  # of what one size for these shots takes up, as much more as of the whole
         whole = dataclasses.replace(whole, common=best.common * whole.gain / best.gain)
     return whole if not whole.at_bound and whole.score() > found.score() else found
+
+
+def as_good_on_part(
+    problem: JointProblem,
+    base: joint.Fitted,
+    found: Refit,
+    others: Callable[[JointProblem, joint.Fitted, Refit], Iterable[Refit]],
+) -> list[Refit]:
+    """Return refits that shots which stand for all do not tell from one, fitted to all.
+
+    ``others`` gets problem, base and refit on these shots, and makes the refits to compare it with.
+    """
+    places = thinned(problem, MORE)
+    few, few_base, known = refit_of_part(problem, base, found, places)
+    near = [
+        one
+        for one in others(few, few_base, known)
+        if not one.at_bound and known.score() - one.score() < CRITERIA.least_lead
+    ]
+    carried = partial(on_all, problem=problem, base=base, part=(places, few_base))
+    return [one for one in problem.each(carried, near) if not one.at_bound]
 
 
 @dataclass(frozen=True)

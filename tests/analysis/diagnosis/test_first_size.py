@@ -9,10 +9,10 @@ import pytest
 from analysis.diagnosis.basis.proposals import proposals
 from analysis.diagnosis.candidate import refit
 from analysis.diagnosis.linearised import linearise
-from analysis.diagnosis.multistart import starts
+from analysis.diagnosis.multistart import Start, starts
 from analysis.diagnosis.successive_halving import FIRST_STEPS
 from analysis.fit import joint
-from analysis.fit.problem import build
+from analysis.fit.problem import JointProblem, build
 from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 
@@ -22,6 +22,19 @@ EFFECTS = {
     "stress_relaxation": {"strength": 0.03, "relaxation_time_s": 1.2e-5},
     "viscoelastic_damping": {"relaxation_s": 2e-7},
 }
+
+
+def gain_after(steps: int, problem: JointProblem, base: joint.Fitted, first: Start) -> float:
+    """Return what a start of the whole rig explains after so many steps."""
+    return refit(
+        problem,
+        base,
+        first.proposal,
+        scope="rig",
+        coefficients=first.coefficients,
+        linear_gain=first.promised,
+        max_iterations=steps,
+    ).gain
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
@@ -35,19 +48,9 @@ def test_a_start_explains_most_of_what_was_promised(tmp_path: Path, effect: str)
         s for s in starts(linearise(problem, base, tried), tried)[effect] if s.scope == "rig"
     )
 
-    def gain(steps: int) -> float:
-        return refit(
-            problem,
-            base,
-            first.proposal,
-            scope="rig",
-            coefficients=first.coefficients,
-            linear_gain=first.promised,
-            max_iterations=steps,
-        ).gain
-
-    assert gain(0) > 0.5 * first.promised
-    assert gain(8) == pytest.approx(gain(60), rel=0.01)
+    assert gain_after(0, problem, base, first) > 0.5 * first.promised
+    whole = gain_after(60, problem, base, first)
+    assert gain_after(8, problem, base, first) == pytest.approx(whole, rel=0.01)
 
 
 def test_what_a_slow_amplifier_does_beside_its_delay_is_seen(tmp_path: Path) -> None:
@@ -68,10 +71,10 @@ def test_what_a_slow_amplifier_does_beside_its_delay_is_seen(tmp_path: Path) -> 
         ("surface_roughness", "toe", {"roughness_m": 8e-7}),
     ],
 )
-def test_a_bent_effect_begins_at_a_size_that_does_as_much(
+def test_what_grows_with_a_power_begins_at_a_size_that_does_as_much(
     tmp_path: Path, effect: str, form: str, numbers: dict[str, float]
 ) -> None:
-    """It grows with a power of its size: in proportion it would begin ten times too small."""
+    """In proportion to what is seen it would begin ten times too small."""
     campaign = small_campaign(tmp_path, effect, **numbers)
     problem, nuisances = with_start(build(campaign, model_named("kv2")))
     base = joint.fit(problem, nuisances)
@@ -79,18 +82,7 @@ def test_a_bent_effect_begins_at_a_size_that_does_as_much(
     found = starts(linearise(problem, base, tried), tried)[effect]
     first = next(s for s in found if s.scope == "rig")
     assert first.proposal.effect.id == f"{effect}:{form}"
-    after_few, after_many = (
-        refit(
-            problem,
-            base,
-            first.proposal,
-            scope="rig",
-            coefficients=first.coefficients,
-            linear_gain=first.promised,
-            max_iterations=steps,
-        ).gain
-        for steps in (FIRST_STEPS, 60)
-    )
+    after_few, after_many = (gain_after(steps, problem, base, first) for steps in (FIRST_STEPS, 60))
     assert after_many > 60.0
     assert after_few > 0.9 * after_many
     # a size of the wrong sign promises nothing

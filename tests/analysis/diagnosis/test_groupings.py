@@ -170,8 +170,15 @@ def test_groupings_that_some_shots_do_not_tell_apart_are_fitted_to_all(tmp_path:
     found = groupings_as_good(problem, base, alone)
     assert ActsOn("surface", both) in [one.effect.only for one in found]
     assert all(one.on_all_shots and one.effect_id == "finite_thickness" for one in found)
-    step = Step(problem, base)
-    assert not Selection([step, Step(alone.problem, alone.fitted)], [alone]).leaves_next_to_nothing
+    noise = Selection([Step(problem, base)], []).longer_by(alone)
+    assert not noise.leaves_next_to_nothing
+    # with a residual that is not noise it depends on what the effect has taken up
+    linearised, asked = noise.last.test()
+    structured = dataclasses.replace(asked, p_value=0.0, surplus=100.0)
+    noise.last.tested = (linearised, structured)
+    for gain, next_to_nothing in ((200.0 / CRITERIA.nothing, True), (100.0, False)):
+        noise.chosen[-1] = dataclasses.replace(alone, gain=gain)
+        assert noise.leaves_next_to_nothing is next_to_nothing
 
 
 @pytest.mark.slow
