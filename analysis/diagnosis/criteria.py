@@ -31,7 +31,7 @@ class Criteria:
 
     false_alarm_rate: float = 2e-3
     """Chance, all families together, of calling a clean campaign discrepant. Rate."""
-    p_value: float = 1e-6
+    single_question_rate: float = 1e-6
     """Chance below which a single question has an answer: a line in the noise's spectrum, a trend
     of the residual, a shot's number that follows the material or the order. Rate."""
     deviations: float = 6.0

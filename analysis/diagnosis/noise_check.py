@@ -76,7 +76,7 @@ class Tone:
     @property
     def clear(self) -> bool:
         """Whether no noise of smooth spectrum is like that."""
-        return self.p_value < CRITERIA.p_value
+        return self.p_value < CRITERIA.single_question_rate
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,7 @@
-"""The one translation of errors of the layers below into problem documents."""
+"""The one translation of what is raised within a request into problem documents.
+
+The problem of a drop that failed later is made in `impactd.acquisition.failures`.
+"""
 
 from __future__ import annotations
 

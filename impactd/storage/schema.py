@@ -1,4 +1,7 @@
-"""The form of the index: the migrations that make it, and what a sound one looks like."""
+"""The form of the index: the migrations that make it, and what a sound one looks like.
+
+Its columns as they are now are `checksums.COLUMNS`.
+"""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ def _sentences(found: Json, records: list[str], *, structured: bool) -> list[str
         )
     said += _contrast(found["by_surface"], "on") + _contrast(found["by_sphere"], "with")
     order = found["order"]
-    if order["p_value"] is not None and order["p_value"] < CRITERIA.p_value:
+    if order["p_value"] is not None and order["p_value"] < CRITERIA.single_question_rate:
         way = "grows" if order["correlation"] > 0 else "shrinks"
         said.append(f"It {way} during the campaign (p = {order['p_value']:.1g}).")
     return [*said, f"{repeats}."] if repeats else said

@@ -626,7 +626,7 @@ def dependence(values: Sequence[float], shots: Sequence[FitShot]) -> list[str]:
 
     Shots are in order of time. Ranks only, so that neither a wild shot nor the law of the
     dependence matters: Kruskal-Wallis between materials, with a p-value below
-    ``CRITERIA.p_value``; Spearman's rank correlation with order and height, over
+    ``CRITERIA.single_question_rate``; Spearman's rank correlation with order and height, over
     all shots and over each coupon's, of which the smallest p-value times their number is.
     """
     found = np.asarray(values, dtype=np.float64)
@@ -634,7 +634,7 @@ def dependence(values: Sequence[float], shots: Sequence[FitShot]) -> list[str]:
         return []
     coupons = np.array([s.shot.surface or "?" for s in shots])
     spheres = np.array([s.shot.sphere or "?" for s in shots])
-    said, largest_p = [], CRITERIA.p_value
+    said, largest_p = [], CRITERIA.single_question_rate
     for what, names in (("coupon", coupons), ("sphere", spheres)):
         by_name = {name: found[names == name] for name in sorted(set(names.tolist()))}
         if len(by_name) > 1 and kruskal(*by_name.values()).pvalue <= largest_p:
@@ -661,7 +661,7 @@ def _along(
             correlation, p = map(float, spearmanr(one, other))
             found.append((p, correlation, where))
     p, correlation, where = min(found, key=lambda one: one[0], default=(1.0, 0.0, ""))
-    if p * len(groups) > CRITERIA.p_value:
+    if p * len(groups) > CRITERIA.single_question_rate:
         return []
     turn = "rises" if correlation > 0.0 else "falls"
     return [f"{turn} {what}{where}, rank correlation {correlation:.2f}"]
