@@ -43,8 +43,6 @@ USUAL_MODULUS_PA, USUAL_RESTITUTION = 3e9, 0.8
 """Where an unknown plastic begins when the records themselves mislead."""
 USUAL_STARTS, FAR_STARTS = 4, 8
 """Usual sizes of an effect that are fitted, from near and from afar, the mildest first."""
-SETTLED = 3
-"""Shots on which far starts are put in order."""
 RISES_AFTER = 0.2
 """Share of a pulse's width after touch-down at which it has risen by 5 %, or so."""
 WELL_BELOW = 0.7
@@ -250,10 +248,6 @@ def _mildest(
     Far from the data the shots' own parameters are settled first.
     """
     own = rescoped(effect, "rig")
-    if settled and len(few.shots) > SETTLED:
-        some = list(range(0, len(few.shots), math.ceil(len(few.shots) / SETTLED)))
-        few = dataclasses.replace(few, shots=[few.shots[i] for i in some])
-        base = dataclasses.replace(base, nuisances=base.nuisances[some])
     nuisances = base.nuisances
     if settled:
         nuisances = settle(few, base.theta, nuisances, kept=KNOWN_BEFORE)

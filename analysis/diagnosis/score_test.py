@@ -38,7 +38,11 @@ from analysis.diagnosis.linearised import (
     p_of,
 )
 from analysis.fit import joint
-from analysis.fit.freed_inputs import numbers_of_shots
+from analysis.fit.freed_inputs import (
+    is_far_whatever_is_stated,
+    lacks_more_than_numbers,
+    numbers_of_shots,
+)
 from analysis.fit.inputs import AIR_RESISTANCE, LAW
 from analysis.fit.problem import JointProblem
 from analysis.fit.stated_to_first_order import fitted_with_stated_numbers
@@ -187,7 +191,7 @@ def _beyond_statements(
 ) -> tuple[Linearised, ScoreTest]:
     """Return what some tests say, where they do so whatever stated numbers explain."""
     linearised, found = ask(problem, fitted)
-    if not found.structured or joint.is_hopeless(problem, fitted.cost):
+    if not found.structured or lacks_more_than_numbers(problem, fitted.cost):
         return linearised, found
     free = fitted_with_stated_numbers(problem, fitted, needless=found.is_more_than)
     if free is None:
@@ -205,7 +209,7 @@ def _beyond_statements(
 def is_far_from_noise(problem: JointProblem, fitted: joint.Fitted) -> bool:
     """Tell whether a fit leaves so much that no test is needed, by noise that was measured."""
     measured = all(item.noise.is_measured for item in problem.shots)
-    return measured and joint.is_hopeless(problem, fitted.cost)
+    return measured and is_far_whatever_is_stated(problem, fitted)
 
 
 def takes_statements_as_exact(problem: JointProblem) -> bool:

@@ -137,6 +137,8 @@ def linearise_shot(
     if not (math.isfinite(found.rebound_ratio) and np.isfinite(gradient).all()):
         return None
     residuals, known = prior_rows(problem.model, item, local, found.rebound_ratio, gradient)
+    if not np.isfinite(residuals).all():  # heights so far off that nothing falls
+        return None
     if acting:
         linear, behind = (found, rows[1 : 1 + p].T, gradient), rows[1 + p :]
         slopes = input_slopes(problem, (stated, item), local, linear, residuals, signal=behind)

@@ -89,12 +89,25 @@ def with_free_inputs(
     return None if freed.failed else (wide, freed)
 
 
-def cost_with_free_inputs(problem: JointProblem, fitted: joint.Fitted) -> float:
-    """Return the squares that are left where masses, heights and the like may be off as stated.
+def lacks_more_than_numbers(problem: JointProblem, cost: float) -> bool:
+    """Tell whether a base model is so far from the shots that no stated number brings it near.
 
-    Those of the fit itself if it is far from the shots: no such number brings it near.
+    An effect may: the ring of a coupon on its tape reads the coupon's mass to 1e-5, and one that is
+    off by the stated 1e-3 leaves ten times the noise.
     """
-    if joint.is_hopeless(problem, fitted.cost):
+    return not problem.model.effects and joint.is_hopeless(problem, cost)
+
+
+def is_far_whatever_is_stated(problem: JointProblem, fitted: joint.Fitted) -> bool:
+    """Tell whether a model is hopeless, with masses, heights and the like off as stated as well."""
+    if not joint.is_hopeless(problem, fitted.cost):
+        return False
+    return joint.is_hopeless(problem, cost_with_free_inputs(problem, fitted))
+
+
+def cost_with_free_inputs(problem: JointProblem, fitted: joint.Fitted) -> float:
+    """Return the squares that are left where masses, heights and the like may be off as stated."""
+    if lacks_more_than_numbers(problem, fitted.cost):
         return fitted.cost
     free = with_free_inputs(problem, fitted)
     return fitted.cost if free is None else min(free[1].cost, fitted.cost)
