@@ -346,7 +346,7 @@ def refit_elsewhere(
     """
     if found.fitted.failed:
         return found
-    wide = dataclasses.replace(found.problem, shots=problem.shots)
+    wide = dataclasses.replace(found.problem, shots=problem.shots, checkpoint=problem.checkpoint)
     nuisances = np.zeros((len(many), found.fitted.nuisances.shape[1]))
     shared = [found.problem.model.nuisances.index(n) for n in problem.model.nuisances]
     old, new = anchors or (few_base.nuisances, base.nuisances)

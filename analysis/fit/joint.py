@@ -29,8 +29,8 @@ STEP_TOLERANCE = 5e-3
 share of its standard uncertainty: the fall of chi2 that a step promises is its squared length in
 units of the covariance, and no linear combination is moved by more of its own uncertainties.
 Where the residual has r times the noise's variance, the uncertainty is wider by the root of r, and
-so is the share: the minimum of a model that is wrong means less. But a step that promises more than
-a fit makes that creeps is always made: at r of 36 000 a third of all squares was no step."""
+so is the share: the minimum of a model that is wrong means less. But a step that promises as much
+as a fit that creeps makes in all is always made: at r of 36 000 a third of all squares was none."""
 ROUGH_TOLERANCE = 0.1
 """The same for uncertainties that come from a misfit: these are good to tens of per cent, so that a
 tenth of one moves no digit that they carry."""
@@ -463,7 +463,7 @@ def _descend(problem: JointProblem, all_shots: _AllShots, begin: _Begin, steps: 
         own = np.array([p.own - p.back @ step for p in parts])
         promised = _promised_fall(problem, blocks, theta, step, own)
         wide = (steps.tolerance * max(1.0, cost / samples)) ** 2
-        enough = min(wide, CREEP_SHARE / CREEP_STEPS * cost)
+        enough = min(wide, CREEP_SHARE * cost)
         if promised < enough and (
             damping < NEARLY_FREE
             or promised_gain(problem, blocks, theta) < max(enough, STALLED_GAIN)
