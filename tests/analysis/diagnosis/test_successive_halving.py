@@ -71,8 +71,8 @@ def test_a_fit_from_afar_goes_on_while_a_step_promises_much(tmp_path):
 def test_a_coupon_that_weighs_otherwise_as_stated_leaves_much_and_no_structure(tmp_path):
     """Its ring on a soft tape shows 1e-5 of it, and the statement allows 1e-3."""
     campaign = three_surfaces(tmp_path, make_effect("adhesive_layer", SOFT))
-    surfaces = {}
-    for times, (name, surface) in zip((1.002, 0.999, 1.001), campaign.surfaces.items(), strict=True):
+    surfaces, off = {}, (1.002, 0.999, 1.001)
+    for times, (name, surface) in zip(off, campaign.surfaces.items(), strict=True):
         mass = times * surface.coupon_mass_kg
         u = Uncertainty(1e-3 * mass)
         surfaces[name] = dataclasses.replace(surface, coupon_mass_kg=mass, u_coupon_mass_kg=u)
