@@ -18,6 +18,7 @@ from analysis.diagnosis.basis.proposals import (
     growth,
     rescoped,
     size_of,
+    times_for,
 )
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.marginal_likelihood import Price, price_of_effect
@@ -237,7 +238,7 @@ def _sizes_that_do(
     found: dict[str, float] = {}
     for group, coefficient in coefficients.items():
         share = min(max(coefficient / whole, CRITERIA.nothing), CRITERIA.far_larger)
-        size = parameter.value(coordinate) * (share ** (1.0 / power) if power else 1.0)
+        size = parameter.value(coordinate) * times_for(share, power)
         name = of_effect(effect.id, parameter.name, group)
         found[name] = parameter.coordinate(min(max(size, parameter.low), parameter.high))
     return found

@@ -100,13 +100,18 @@ class Step:
     def structured(self) -> bool:
         """Whether the residual is more than noise. It is not tested where it is far more."""
         if self.tested is None:
-            if is_far_from_noise(self.problem, self.fitted):
+            if self.is_far:
                 return True
             if not takes_statements_as_exact(self.problem) and has_clear_surplus(self.residual):
                 return True
             if self._fails_likely:
                 return True
         return self.score_test.structured
+
+    @cached_property
+    def is_far(self) -> bool:
+        """Whether so much is left that no test is needed; asked whatever the time."""
+        return is_far_from_noise(unwatched(self.problem), self.fitted)
 
     @cached_property
     def _fails_likely(self) -> bool:
@@ -169,7 +174,7 @@ class Selection:
         wrong by so much.
         """
         before, after = self.steps[-2], self.steps[-1]
-        if is_far_from_noise(before.problem, before.fitted):
+        if before.is_far:
             return True
         instead = before.residual.gain_of_inexactness - after.residual.gain_of_inexactness
         return self.chosen[-1].score() - instead > CRITERIA.least_lead
@@ -213,6 +218,6 @@ class Selection:
         So much a law that is taken as written may be wrong by, in a wrong grouping as in a right.
         """
         last = self.last
-        if last.impossible or is_far_from_noise(last.problem, last.fitted) or self.adequate:
+        if last.impossible or last.is_far or self.adequate:
             return False
         return last.score_test.left < CRITERIA.nothing * self.chosen[-1].gain

@@ -213,6 +213,15 @@ def growth(proposal: Proposal, problem: JointProblem, fitted: Fitted) -> float:
     return math.log2(sizes[0] / sizes[1])
 
 
+def times_for(share: float, power: float) -> float:
+    """Return how much larger an effect must be to do a share of what it does, by `growth`.
+
+    Infinite or 0 where it hardly grows, 1 where it does not.
+    """
+    with np.errstate(over="ignore"):
+        return float(np.exp(math.log(share) / power)) if power else 1.0
+
+
 def _delayed_as(
     signal: Array, base: Array, model: ImpactModel, local: Array, item: FitShot
 ) -> Array:

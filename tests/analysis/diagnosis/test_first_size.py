@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
 
-from analysis.diagnosis.basis.proposals import proposals
+from analysis.diagnosis.basis.proposals import proposals, times_for
 from analysis.diagnosis.candidate import refit
 from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.multistart import Start, starts
@@ -87,3 +88,12 @@ def test_what_grows_with_a_power_begins_at_a_size_that_does_as_much(
     assert after_few > 0.9 * after_many
     # a size of the wrong sign promises nothing
     assert all(s.promised < 0.0 for s in found if all(v < 0.0 for v in s.coefficients.values()))
+
+
+@pytest.mark.parametrize(
+    ("share", "power", "times"),
+    [(0.25, 2.0, 0.5), (4.0, -2.0, 0.5), (30.0, 1e-3, math.inf), (0.01, 1e-3, 0), (0.5, 0, 1)],
+)
+def test_a_share_of_what_grows_with_a_power(share: float, power: float, times: float) -> None:
+    """What hardly grows is asked for at its limits, and what does not stays as it is."""
+    assert times_for(share, power) == pytest.approx(times)
