@@ -30,6 +30,7 @@ from analysis.diagnosis.multistart import usual_place
 from analysis.diagnosis.next_drop import NextDrop, propose
 from analysis.diagnosis.noise_check import Background, check_noise
 from analysis.diagnosis.odd_shots import Rest, SetAside, count_as_noise, without_odd_shots
+from analysis.diagnosis.one_material import without_each_material
 from analysis.diagnosis.progress import (
     BudgetSpentError,
     MethodStep,
@@ -46,7 +47,13 @@ from analysis.diagnosis.search_on_part import (
     searched_on_part,
 )
 from analysis.diagnosis.selection import OpenNames, Selection, Step
-from analysis.diagnosis.successive_halving import FEW, rank, thinned
+from analysis.diagnosis.successive_halving import (
+    FEW,
+    PresentModel,
+    leaves_noise,
+    rank,
+    thinned,
+)
 from analysis.diagnosis.uncertain_numbers import (
     exact_refit,
     with_numbers_as_stated,
@@ -278,13 +285,23 @@ class _OtherReasons:
         name = self.step.problem.model.base_name
         return named_mistake(self.step, partial(_restated, base=name, told=self.told), self.told)
 
+    @cached_property
+    def is_one_materials(self) -> bool:
+        """Whether the base leaves noise where one material's shots are left out."""
+        present = PresentModel(self.step.problem, self.step.fitted, self.usual)
+        without = without_each_material(present)
+        return any(leaves_noise(one.problem, one.fitted) for one in without)
+
     @property
     def explain(self) -> bool:
-        """Whether shots that do not belong, or one mistake, explain what a base leaves.
+        """Whether one material, shots that do not belong or one mistake explain what a base leaves.
 
-        One shot with a wrong label bends a few shots as another law would; a coupon whose mass
-        lacks a digit seems not to ride on the crystal.
+        A material that loses much bends all shots that share its numbers; one shot with a wrong
+        label bends a few, as another law would; a coupon whose mass lacks a digit seems not to ride
+        on the crystal.
         """
+        if self.is_one_materials:
+            return True
         if self.is_inside_shots:
             return False
         return self.rest is not None or self.mistake is not None
