@@ -233,7 +233,7 @@ def _fitted_without(step: Step, dropped: Effect) -> Step | None:
     )
     nuisances = carried_over(step.problem.model, model, step.fitted.nuisances)
     places = thinned(problem, MORE)
-    few = dataclasses.replace(problem, shots=[problem.shots[i] for i in places])
+    few = problem.with_shots(places)
     part = joint.fit_to_compare(few, nuisances[places], max_iterations=joint.CREEP_STEPS)
     if part.failed:
         return None

@@ -94,7 +94,7 @@ class Shown:
         is asked of a few shots that stand for all.
         """
         rows = np.unique(np.linspace(0, len(problem.shots) - 1, FEW).astype(int))
-        few = dataclasses.replace(problem, shots=[problem.shots[row] for row in rows])
+        few = problem.with_shots(rows)
         tries = [
             (self._held(few, _of_rows(fitted, rows), form, _of_rows(begin, rows), known), form, at)
             for form in self._forms

@@ -23,10 +23,12 @@ from analysis.diagnosis.basis.proposals import (
 )
 from analysis.diagnosis.candidate import (
     KNOWN_BEFORE,
+    STEPS_FROM_NEAR,
     Refit,
     extended,
     fitted_coordinate,
     price_of_scatter,
+    refit,
 )
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.linearised import Linearised
@@ -65,6 +67,22 @@ class Start:
     """The materials that the effect acts on; None for all."""
     possible: bool = True
     """Some size that first order asks for is one that the effect can have."""
+
+    def fitted(
+        self, problem: JointProblem, base: joint.Fitted, max_iterations: int = STEPS_FROM_NEAR
+    ) -> Refit:
+        """Return the model with the effect, some steps on from here."""
+        return refit(
+            problem,
+            base,
+            self.proposal,
+            scope=self.scope,
+            coefficients=self.coefficients,
+            linear_gain=self.promised,
+            max_iterations=max_iterations,
+            begin=self.begin,
+            only=self.only,
+        )
 
 
 def starts(

@@ -183,7 +183,7 @@ def _with_one_left_out(step: Step, part: _Part) -> _Part | None:
 
 
 def _fitted_to(step: Step, kept: list[int], nuisances: Array, begin: joint.Fitted) -> _Part:
-    problem = dataclasses.replace(step.problem, shots=[step.problem.shots[i] for i in kept])
+    problem = step.problem.with_shots(kept)
     return _Part(kept, problem, joint.fit(problem, nuisances, theta=begin.theta))
 
 

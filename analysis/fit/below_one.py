@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable
 from functools import partial
@@ -59,7 +58,7 @@ def fitted_below_one(
     gaining = np.flatnonzero(fitted.nuisances[:, LOSS] > 0.0)
     if not gaining.size:
         return fitted
-    some = dataclasses.replace(problem, shots=[problem.shots[row] for row in gaining])
+    some = problem.with_shots(gaining.tolist())
     begun = []
     for restitution, later in RESTARTS:
         own = fitted.nuisances[gaining]

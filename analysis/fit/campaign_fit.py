@@ -133,7 +133,7 @@ def _fitted_without(
     problem: JointProblem, fitted: joint.Fitted, fold: list[int]
 ) -> joint.Fitted:
     kept = [i for i in range(len(problem.shots)) if i not in fold]
-    others = dataclasses.replace(problem, shots=[problem.shots[i] for i in kept])
+    others = problem.with_shots(kept)
     return joint.fit(
         others,
         fitted.nuisances[kept],

@@ -92,8 +92,8 @@ def with_free_inputs(
 def lacks_more_than_numbers(problem: JointProblem, cost: float) -> bool:
     """Tell whether a base model is so far from the shots that no stated number brings it near.
 
-    An effect may: the ring of a coupon on its tape reads the coupon's mass to 1e-5, and one that is
-    off by the stated 1e-3 leaves ten times the noise.
+    With an effect one may: the ring of a coupon on a soft tape shows its mass so well that an error
+    of the stated 1e-3 left ten times the noise's variance.
     """
     return not problem.model.effects and joint.is_hopeless(problem, cost)
 

@@ -17,7 +17,7 @@ Global parameters (all logarithms):
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -162,6 +162,10 @@ class JointProblem:
         hooks = [*library_hooks(), *(hook for e in self.model.effects for hook in e.hooks)]
         shared = [self.campaign, *parts, *self.inputs, self.checkpoint, self.cores, *hooks]
         yield from self.cores.each(work, pieces, shared)
+
+    def with_shots(self, places: Iterable[int]) -> JointProblem:
+        """Return the problem with some of its shots."""
+        return replace(self, shots=[self.shots[i] for i in places])
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the problem without what it has looked up by the identity of shots."""

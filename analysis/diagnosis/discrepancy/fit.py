@@ -120,7 +120,7 @@ class _Training:
 
     def part(self, rows: Sequence[int]) -> _Training:
         """Return the same of some of the shots."""
-        problem = dataclasses.replace(self.problem, shots=[self.problem.shots[i] for i in rows])
+        problem = self.problem.with_shots(rows)
         return dataclasses.replace(self, problem=problem, maps=[self.maps[i] for i in rows])
 
 

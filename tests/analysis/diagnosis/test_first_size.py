@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from analysis.diagnosis.basis.proposals import proposals, times_for
-from analysis.diagnosis.candidate import refit
 from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.multistart import Start, starts
 from analysis.diagnosis.successive_halving import FIRST_STEPS
@@ -26,16 +25,8 @@ EFFECTS = {
 
 
 def gain_after(steps: int, problem: JointProblem, base: joint.Fitted, first: Start) -> float:
-    """Return what a start of the whole rig explains after so many steps."""
-    return refit(
-        problem,
-        base,
-        first.proposal,
-        scope="rig",
-        coefficients=first.coefficients,
-        linear_gain=first.promised,
-        max_iterations=steps,
-    ).gain
+    """Return what a start explains after so many steps."""
+    return first.fitted(problem, base, steps).gain
 
 
 @pytest.mark.parametrize("effect", EFFECTS)

@@ -68,15 +68,7 @@ def with_one_size(campaign: Campaign, name: str) -> tuple[JointProblem, joint.Fi
     tried = [p for p in proposals(problem)[0] if p.effect.id == name]
     found = starts(linearise(problem, base, tried), tried)[name]
     start = next(s for s in found if s.scope == "rig")
-    whole = refit(
-        problem,
-        base,
-        start.proposal,
-        scope=start.scope,
-        coefficients=start.coefficients,
-        linear_gain=start.promised,
-    )
-    return problem, base, whole
+    return problem, base, start.fitted(problem, base)
 
 
 def fitted(campaign: Campaign, name: str) -> tuple[Refit, Refit]:

@@ -60,7 +60,7 @@ def on_soft_tape(
 
 
 def test_a_fit_from_afar_goes_on_while_a_step_promises_much(tmp_path):
-    """Squares of 30 000 times the noise's: a third of them was no reason for a step."""
+    """It begins at 1e5 times the noise's squares, and a ninth of them was no reason for a step."""
     campaign = small_campaign(tmp_path, "adhesive_layer", **SOFT)
     far = {"stiffness_n_per_m": 4e7, "damping_n_s_per_m": 300.0}
     *_, larger, ended = on_soft_tape(campaign, **far)
@@ -69,7 +69,7 @@ def test_a_fit_from_afar_goes_on_while_a_step_promises_much(tmp_path):
 
 
 def test_a_coupon_that_weighs_otherwise_as_stated_leaves_much_and_no_structure(tmp_path):
-    """Its ring on a soft tape shows 1e-5 of it, and the statement allows 1e-3."""
+    """The ring on a soft tape shows the mass much better than the stated 1e-3."""
     campaign = three_surfaces(tmp_path, make_effect("adhesive_layer", SOFT))
     surfaces, off = {}, (1.002, 0.999, 1.001)
     for times, (name, surface) in zip(off, campaign.surfaces.items(), strict=True):
