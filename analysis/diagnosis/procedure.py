@@ -51,6 +51,7 @@ from analysis.diagnosis.successive_halving import (
     FEW,
     PresentModel,
     leaves_noise,
+    part_of,
     rank,
     thinned,
 )
@@ -453,7 +454,7 @@ def _obeyed_base(
     leaves noise of most shots is obeyed by all, and the others have another reason. Before that the
     bases between these two are asked (`_mixed_base`).
     """
-    mixed, usual, told = _mixed_base(selection.last.problem), reasons.usual, reasons.told
+    mixed, usual, told = _mixed_base(selection.last), reasons.usual, reasons.told
     if mixed is not None and not reasons.explain:
         start = _base(campaign, mixed, told)
         mimicked = not start[0].adequate and _effect_leads((selection, usual), start, told)
@@ -483,15 +484,19 @@ def _effect_leads(
     return leaves_noise and best_on_part(*mixed, told)[1] - cost > CRITERIA.least_lead
 
 
-def _mixed_base(problem: JointProblem) -> str | None:
+def _mixed_base(default: Step) -> str | None:
     """Return the name of the default base without the laws that the records do not obey.
 
     None where every such base leaves more than *little* of what the better of the default and the
     paper's leaves beyond the noise: effects of a rig make some of them fit better too, but by less.
-    Asked of shots that stand for all, where these leave more than noise.
+    Asked of shots that stand for all, where these leave more than noise. The default's fit to all
+    is known, and begins there: from its start it may end elsewhere than on all.
     """
-    items = [problem.shots[at] for at in thinned(problem, FEW)]
+    problem = default.problem
+    places = thinned(problem, FEW)
+    items = [problem.shots[at] for at in places]
     some = dataclasses.replace(problem.campaign, shots=tuple(item.shot for item in items))
+    samples = sum(item.data for item in items)
 
     def beyond_noise(model: ImpactModel) -> float:
         """Return the squares that a base leaves beyond the noise; infinite without a fit."""
@@ -500,12 +505,11 @@ def _mixed_base(problem: JointProblem) -> str | None:
         return fitted.cost - sum(item.data for item in part.shots)
 
     others = [one.base_name for one in MIXED]
-    bases = [_base_model(name) for name in (*RINGING_BASES, *others)]
-    left = list(problem.each(beyond_noise, bases))
-    of_ringing, of_others = min(left[: len(RINGING_BASES)]), left[len(RINGING_BASES) :]
-    noise = chance_of(sum(item.data for item in items))
-    least = min(of_others)
-    if of_ringing <= noise or least >= CRITERIA.little * of_ringing:
+    of_default = part_of(problem, default.fitted, places)[1].cost - samples
+    bases = [_base_model(name) for name in (*RINGING_BASES[1:], *others)]
+    of_paper, *of_others = problem.each(beyond_noise, bases)
+    of_ringing, least = min(of_default, of_paper), min(of_others)
+    if of_ringing <= chance_of(samples) or least >= CRITERIA.little * of_ringing:
         return None
     return others[of_others.index(least)]
 

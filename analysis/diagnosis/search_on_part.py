@@ -127,10 +127,16 @@ def _is_worth_it(problem: JointProblem, places: list[int]) -> bool:
 
 
 def _begin_on_part(start: Selection, places: list[int]) -> Selection | None:
-    """Return a selection on a part of the shots; None where that shows noise or saves no time."""
-    if not _is_worth_it(start.last.problem, places):
+    """Return a selection on a part of the shots; None where that shows noise or saves no time.
+
+    It ends in the same step whenever it is asked, with all that was tried on top.
+    """
+    last = start.last
+    if not _is_worth_it(last.problem, places):
         return None
-    begin = Selection([*start.steps[:-1], _on_part(start.last, places)], start.chosen)
+    if last.on_part is None:
+        last.on_part = _on_part(last, places)
+    begin = Selection([*start.steps[:-1], last.on_part], start.chosen)
     return None if begin.adequate else begin
 
 

@@ -57,6 +57,8 @@ class Step:
     """The same model without each material's shots, where that was asked."""
     reduced: dict[str, Step | None] = field(default_factory=dict)
     """The same model without one of its effects, by the effect's id, where that was asked."""
+    on_part: Step | None = None
+    """The same model on shots that stand for all, where that was asked."""
     likely: Part | None = None
     """The test that a step like this one failed most clearly: asked first, and alone."""
     compared: bool = False

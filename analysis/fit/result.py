@@ -92,6 +92,9 @@ class FitResult:
         Residual of shots that the shared parameters had not seen. [unit of the signal]
     statements_asked : bool
         False where there was no time for the fit without contradicted statements.
+    lacks_effect : bool
+        True where an effect explains what this model leaves: then no statement does, and none is
+        left out for a check.
     """
 
     model: str
@@ -102,6 +105,7 @@ class FitResult:
     misfit: float
     heldout_rms: float | None
     statements_asked: bool = True
+    lacks_effect: bool = False
 
     # -- quality ---------------------------------------------------------------------------------
     @property
@@ -204,7 +208,7 @@ class FitResult:
 
         None too where the model is far from the shots without them as well.
         """
-        if not self.conflicts or not self.statements_asked:
+        if self.lacks_effect or not (self.conflicts and self.statements_asked):
             return None
         clear = fit_without(self.problem, self.fitted, self.conflicts, widened=self.misfit)
         if clear is None:

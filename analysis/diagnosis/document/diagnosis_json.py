@@ -61,7 +61,10 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     before = as_fit_result(first.problem, first.fitted)
     after = before if last is first else as_fit_result(last.problem, last.fitted)
     # masses, heights and the like are exactly as stated here, and uncertain in what is stated below
-    free_before = _with_free_inputs(before, first)
+    explained_by_effect = diagnosis.leaves_noise and bool(diagnosis.chosen)
+    free_before = _with_free_inputs(
+        dataclasses.replace(before, lacks_effect=explained_by_effect), first
+    )
     free_after = free_before if after is before else _with_free_inputs(after, last)
     base, stated = _block(free_before), _block(free_after)
     located = diagnosis.located
