@@ -157,7 +157,8 @@ class _FirstRound:
             best, tried, explained = self._until_noise(best, left, partial(carry, steps=AFAR_STEPS))
             moved += left[:tried]
             if explained:
-                rest = left[tried:ALWAYS_TRIED]
+                near = partial(self._comes_near, three)
+                rest = [n for n in left[tried:ALWAYS_TRIED] if any(map(near, forms[n]))]
                 moved += rest
                 best += self._beside_it(rest, partial(carry, steps=SECOND_STEPS))
                 break
@@ -231,6 +232,11 @@ class _FirstRound:
         best, second = _best_forms(tries, part.base, bent=True, far=True)
         # three shots may prefer a valley beside the right one
         return [*best, *second]
+
+    def _comes_near(self, three: Part, found: Refit) -> bool:
+        """Tell whether a refit leaves *little* of what three shots show beyond the noise."""
+        noise = sum(self.present.problem.shots[at].data for at in three.places)
+        return found.fitted.cost - noise < CRITERIA.little * (three.base.cost - noise)
 
     def _carried(
         self,
