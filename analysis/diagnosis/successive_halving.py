@@ -64,6 +64,8 @@ STEPS_ON_PART = 25
 such fits in seven campaigns 32 ended within 7 steps, one after 21, and two crept on past 100."""
 ALWAYS_TRIED = 6
 """Effects that are fitted even where the first has left nothing for others to explain."""
+RUNNERS_UP = 2
+"""Of these, from afar, however much they leave: a reader asks what came next. A choice of time."""
 
 
 def ranked(
@@ -158,7 +160,11 @@ class _FirstRound:
             moved += left[:tried]
             if explained:
                 near = partial(self._comes_near, three)
-                rest = [n for n in left[tried:ALWAYS_TRIED] if any(map(near, forms[n]))]
+                rest = [
+                    name
+                    for at, name in enumerate(left[tried:ALWAYS_TRIED])
+                    if at < RUNNERS_UP or any(map(near, forms[name]))
+                ]
                 moved += rest
                 best += self._beside_it(rest, partial(carry, steps=SECOND_STEPS))
                 break
