@@ -26,7 +26,7 @@ from scipy.stats import norm
 
 from analysis.aliases import Array
 from analysis.diagnosis.basis.form_error import discrepancy
-from analysis.diagnosis.basis.proposals import Proposal, effects_of_one_number, scopes_of
+from analysis.diagnosis.basis.proposals import Proposal, asked_by_their_column, scopes_of
 from analysis.diagnosis.basis.time_course import BASELINE_ORDERS
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.linearised import (
@@ -155,7 +155,7 @@ Asked = Callable[[JointProblem, joint.Fitted], tuple[Linearised, ScoreTest]]
 def _tried(problem: JointProblem) -> list[Proposal]:
     """Return the effects that are asked by their own column."""
     # beside another effect, whose law may be wrong, a direction is no evidence of one more
-    return [] if problem.model.effects else effects_of_one_number(problem)
+    return [] if problem.model.effects else asked_by_their_column(problem)
 
 
 def _asked_all(problem: JointProblem, fitted: joint.Fitted) -> tuple[Linearised, ScoreTest]:

@@ -127,14 +127,21 @@ def proposals(problem: JointProblem) -> tuple[list[Proposal], dict[str, str]]:
     return found, refused
 
 
-def effects_of_one_number(problem: JointProblem) -> list[Proposal]:
-    """Return the effects whose only number is a size, in their usual form; of each the first start.
+def asked_by_their_column(problem: JointProblem) -> list[Proposal]:
+    """Return the effects that a residual is asked for by their own column, in their usual form.
 
-    To first order such an effect has one column, and nothing about it has to be guessed.
+    To first order an effect whose only number is a size has one column, and nothing about it has to
+    be guessed. A contact's effect with further numbers is asked at each of their usual values:
+    moduli follow what it does, so that next to nothing is left of it.
     """
-    usual = (p for p in proposals(problem)[0] if p.effect.id == p.effect_id)
-    first = {p.effect_id: p for p in usual if p.amplitude == 0 and len(p.coordinates) == 1}
-    return list(first.values())
+    found: dict[tuple[str, tuple[float, ...]], Proposal] = {}
+    for one in proposals(problem)[0]:
+        if one.amplitude != 0 or one.effect.id != one.effect_id:
+            continue
+        further = one.coordinates[1:]
+        if not further or one.effect.slot == "contact":
+            found[one.effect_id, further] = one
+    return list(found.values())
 
 
 def column(
