@@ -113,6 +113,7 @@ def conflicts(problem: JointProblem, fitted: Fitted) -> list[Conflict]:
     """Return the statements that contradict the shots, worst first.
 
     After each one the rest is judged without it, so that it does not make its neighbours look bad.
+    It ends where the shots seem to say what no float holds, as a model may that lacks much.
     Source: W. Baarda's data snooping (1968), as for the network of moduli. The difference of a
     statement and what everything else says has the variance of both. Where the shots do not reduce
     a statement's variance they cannot contradict it.
@@ -130,7 +131,10 @@ def conflicts(problem: JointProblem, fitted: Fitted) -> list[Conflict]:
             break
         theta, information = _without(problem, theta, information, worst)
         u = math.sqrt(float(np.linalg.inv(information)[worst, worst]))
-        found.append(_conflict(problem, worst, (float(theta[worst]), u), scores[worst]))
+        try:
+            found.append(_conflict(problem, worst, (float(theta[worst]), u), scores[worst]))
+        except OverflowError:  # so far off that first order leads nowhere
+            break
         candidates.remove(worst)
     return found
 

@@ -10,6 +10,7 @@ import pytest
 
 from analysis import fit_campaign
 from analysis.campaign import Campaign, Quantity, Uncertainty
+from analysis.fit.conflicts import conflicts
 
 
 def _misstated(campaign: Campaign, factor: float) -> Campaign:
@@ -75,6 +76,14 @@ def test_a_wrong_modulus_among_good_ones_is_named_alone(made: tuple[Any, Campaig
     assert "references_contradicted" in document["flags"]
     without = document["moduli"]["polycarbonate"]["without_conflicts"]
     assert without["plane_strain_modulus_Pa"]["value"] > 0
+
+
+def test_what_no_float_holds_is_no_conflict(made: tuple[Any, Campaign]) -> None:
+    """A model that lacks much may ask, to first order, for a modulus of e^1000 Pa."""
+    result = fit_campaign(_bound(made[1]), "kv", heldout=False)
+    theta = result.fitted.theta.copy()
+    theta[result.problem.names.index("surface.polycarbonate")] += 1e3
+    assert conflicts(result.problem, dataclasses.replace(result.fitted, theta=theta)) == []
 
 
 def test_a_wrong_height_offset_is_a_conflict_too(made: tuple[Any, Campaign]) -> None:
