@@ -14,9 +14,9 @@ from impactd.client.talk import fresh_key
 from impactd.console.failure import Failure
 from impactd.demo.drops import until
 
-SEARCH_S = 35.0
-"""How long a diagnosis may search here. A choice: most of what has a name is named by then, and
-drops, fits and pages take twice as long themselves."""
+SEARCH_S = 45.0
+"""How long a diagnosis may search here. A choice: what has a name is named by then on one core, a
+soft tape after 30 s, and drops, fits and pages take twice as long themselves."""
 _DIAGNOSIS_LIMIT_S = 600.0
 """When a diagnosis that does not end is given up: beside ten other programs it takes ten times
 as long."""

@@ -24,6 +24,7 @@ from typing import Any, NoReturn
 
 from analysis.fit import over_shots
 from analysis.fit.cores import OneCore, R, T
+from impactd.parent_death import end_with_parent
 
 PROTOCOL = pickle.HIGHEST_PROTOCOL
 NOTHING = b""
@@ -124,10 +125,11 @@ class _Helper:
     def begun(cls, serve: Callable[[Connection], None]) -> _Helper:
         """Return a copy of this process that serves at its end of the line, then ends."""
         here, there = Pipe()
+        parent = os.getpid()
         pid = os.fork()
         if pid == 0:
             here.close()
-            _serve(serve, there)
+            _serve(serve, there, parent)
         there.close()
         return cls(pid, here)
 
@@ -150,9 +152,10 @@ class _Helper:
         self.line.close()
 
 
-def _serve(serve: Callable[[Connection], None], line: Connection) -> NoReturn:
+def _serve(serve: Callable[[Connection], None], line: Connection, parent: int) -> NoReturn:
     """Serve and end this process, whatever happens."""
     try:
+        end_with_parent(parent)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # who waits for it ends it
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         over_shots.CORES = 1

@@ -21,7 +21,7 @@ from impactd.jobs.errors import StoppedError, TaskCancelledError, TaskError, Wor
 from impactd.jobs.executors import WorkerExecutor
 from impactd.jobs.orders import order_for
 from impactd.jobs.results import CANCELLED, ResultWriter, Told
-from impactd.jobs.worker_process import WorkerLimits
+from impactd.jobs.worker_process import WorkerLimits, spare_cores
 from impactd.jobs.write_queue import Write, WriteQueue, will_pass
 from impactd.settings.materials import Materials, load_materials
 from impactd.settings.settings import Settings
@@ -129,8 +129,9 @@ class JobRunner:
     def _lane(self, *, prompt: bool) -> _Lane:
         jobs = self._settings.jobs
         workers = 1 if prompt else jobs.workers
+        cores = 1 if prompt else spare_cores(workers)
         executor = WorkerExecutor(
-            WorkerLimits(jobs.fit_time_limit_s, jobs.fit_memory_bytes),
+            WorkerLimits(jobs.fit_time_limit_s, jobs.fit_memory_bytes, cores),
             workers=workers,
             warm_up=_WARM_UP_COMPARISON if prompt and self._warm_up else self._warm_up,
             import_paths=self._import_paths,

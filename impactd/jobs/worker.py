@@ -11,12 +11,10 @@ without harm.
 from __future__ import annotations
 
 import argparse
-import ctypes
 import importlib
 import json
 import os
 import resource
-import signal
 import sys
 import time
 import traceback
@@ -25,10 +23,10 @@ from typing import Any, TextIO
 
 from impactd import blas_threads
 from impactd.jobs import progress
+from impactd.parent_death import end_with_parent
 
 REPORT_EVERY_S = 0.2
 _NICENESS = 5
-_PR_SET_PDEATHSIG = 1
 
 
 def main() -> int:
@@ -37,7 +35,7 @@ def main() -> int:
     options = _options()
     os.nice(_NICENESS)  # the sample stream goes first
     _be_ended_first()
-    _die_with_parent(options.parent)
+    end_with_parent(options.parent)
     # Whatever a library prints must not end up between the answers.
     answers = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)
@@ -81,13 +79,6 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--memory-bytes", type=int, required=True)
     parser.add_argument("--warm-up", default="")
     return parser.parse_args()
-
-
-def _die_with_parent(parent: int) -> None:
-    """Have the kernel end this process with the daemon, even in the middle of a fit."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:  # it died before the line above
-        raise SystemExit(1)
 
 
 def _be_ended_first() -> None:

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
+from impactd import blas_threads
 from impactd.jobs.errors import (
     StoppedError,
     TaskCancelledError,
@@ -35,7 +36,8 @@ LOOK_EVERY_S = 0.05
 START_LIMIT_S = 180.0
 """A first start compiles the solver; on a slow machine that takes a minute."""
 _LAST_WORDS_BYTES = 600
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+_CORES = "NUMBA_NUM_THREADS"
+"""Says how many cores a fit uses, see `analysis.fit.over_shots.CORES`."""
 
 Progress = Callable[[str, float], None]
 
@@ -48,6 +50,16 @@ class WorkerLimits:
     """Wall time, the start of the process not counted. [s]"""
     memory_bytes: int
     """Beyond the idle process. [B]"""
+    cores: int = 1
+    """That one task may use at once."""
+
+
+def spare_cores(workers: int) -> int:
+    """Return the cores for each of some workers when one is left to the sample stream; at least 1.
+
+    Workers are of a lower priority as well (`impactd.jobs.worker`).
+    """
+    return max(1, (len(os.sched_getaffinity(0)) - 1) // workers)
 
 
 class WorkerProcess:
@@ -104,7 +116,8 @@ class WorkerProcess:
         paths = [*map(str, self._import_paths), os.environ.get("PYTHONPATH", "")]
         environment = {
             **os.environ,
-            **dict.fromkeys(_ONE_THREAD, "1"),
+            **blas_threads.environment(),
+            _CORES: str(self._limits.cores),
             "PYTHONPATH": os.pathsep.join(filter(None, paths)),
         }
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed in end()

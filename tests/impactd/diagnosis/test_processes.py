@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -21,6 +24,23 @@ from impactd.diagnosis.processes import Processes
 from impactd.storage.campaign_folder import read_campaign
 
 CORES = 3
+LIVELINESS_S = 60.0
+
+
+def _is_alive(pid: int) -> bool:
+    """Return whether a process runs; one that has ended may wait for somebody to ask how."""
+    try:
+        return "State:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return False
+
+
+def _until(true: Callable[[], bool]) -> None:
+    """Wait until something is true; fail where it never is."""
+    deadline = time.monotonic() + LIVELINESS_S
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
 
 
 @pytest.fixture(autouse=True)
@@ -105,6 +125,33 @@ def test_what_nobody_asks_for_any_more_is_ended() -> None:
     """The fixture looks for what is left."""
     with closing(Processes().each(lambda i: i or signal.pause(), [1, 0, 0, 0], ())) as found:
         assert next(found) == 1
+
+
+def test_helpers_end_with_the_process_that_is_killed(tmp_path: Path) -> None:
+    """Whoever kills a worker ends its helpers, in the middle of their work, too."""
+    program = """
+import os, sys, time
+from pathlib import Path
+from analysis.fit import over_shots
+from impactd.diagnosis.processes import Processes
+
+def work(name):
+    Path(name).with_suffix(".part").write_text(str(os.getpid()))
+    os.rename(Path(name).with_suffix(".part"), name)
+    time.sleep(600)
+
+over_shots.CORES = 2
+list(Processes().each(work, sys.argv[1:], ()))
+"""
+    names = [tmp_path / "one", tmp_path / "other"]
+    killed = subprocess.Popen([sys.executable, "-c", program, *map(str, names)])
+    try:
+        _until(lambda: all(name.exists() for name in names))
+    finally:
+        killed.kill()
+        killed.wait()
+    helpers = [int(name.read_text()) for name in names]
+    _until(lambda: not any(map(_is_alive, helpers)))
 
 
 def test_a_team_answers_in_the_order_of_its_members() -> None:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.fit import over_shots
 from impactd.jobs.progress import report
 
 Json = dict[str, Any]
@@ -20,6 +21,11 @@ Json = dict[str, Any]
 def well(order: Json) -> Json:
     """Give back what came, and who did it."""
     return {"order": order, "pid": os.getpid()}
+
+
+def counts_cores(_: Json) -> Json:
+    """Say how many cores a fit would use."""
+    return {"cores": over_shots.CORES, "blas": os.environ["OPENBLAS_NUM_THREADS"]}
 
 
 def slow(order: Json) -> Json:

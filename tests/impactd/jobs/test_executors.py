@@ -22,7 +22,7 @@ from impactd.jobs.errors import (
     WorkerCrashedError,
 )
 from impactd.jobs.executors import WorkerExecutor
-from impactd.jobs.worker_process import WorkerLimits
+from impactd.jobs.worker_process import WorkerLimits, spare_cores
 
 HERE = Path(__file__).parent
 LIVELINESS_S = 60.0
@@ -62,6 +62,25 @@ def test_a_result_comes_back_from_another_process(executor: WorkerExecutor) -> N
     assert result["order"] == {"a": [1, None, "x"]}
     assert result["pid"] not in (os.getpid(), None)
     assert _pid(executor) == result["pid"]
+
+
+@pytest.mark.parametrize("cores", [1, 2])
+def test_a_task_uses_the_cores_it_may_and_one_for_linear_algebra(cores: int) -> None:
+    """A fit spreads its own work over them."""
+    executor = WorkerExecutor(WorkerLimits(60.0, 10**9, cores), import_paths=[HERE])
+    try:
+        said = executor.submit(tasks.counts_cores, {}).result(LIVELINESS_S)
+    finally:
+        executor.shutdown()
+    assert said == {"cores": cores, "blas": "1"}
+
+
+def test_one_core_is_left_to_the_sample_stream(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers share the others, and each has one at least."""
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(8)))
+    assert [spare_cores(workers) for workers in (1, 2, 3, 7, 20)] == [7, 3, 2, 1, 1]
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
+    assert spare_cores(1) == 1
 
 
 @pytest.mark.parametrize(
@@ -197,7 +216,7 @@ def test_a_worker_dies_with_a_killed_daemon(tmp_path: Path) -> None:
             sys.path.insert(0, {str(HERE)!r})
             import fault_tasks
             from impactd.jobs.executors import WorkerExecutor
-            from impactd.jobs.worker_process import WorkerLimits
+            from impactd.jobs.worker_process import WorkerLimits, spare_cores
             executor = WorkerExecutor(WorkerLimits(60.0, 10**9), import_paths=[Path({str(HERE)!r})])
             print(executor.submit(fault_tasks.well, {{}}).result()["pid"], flush=True)
             executor.submit(fault_tasks.slow, {{}})
