@@ -140,18 +140,22 @@ class _FirstRound:
         three = Part(places, part_of(self.present.problem, self.present.fitted, places)[1])
         on_three = partial(self._on_three, three, self._begins(three))
         forms: dict[str, list[Refit]] = {}
-        carry = partial(self._carried, three, on_three, forms)
+        complete: set[str] = set()
+        carry = partial(self._carried, three, on_three, forms, complete)
         best: list[Refit] = []
         moved: list[str] = []
         for group in filter(None, (order[:ALWAYS_TRIED], order[ALWAYS_TRIED:])):
             self.progress("fitting three shots from afar", 0.0)
             forms.update(zip(group, self.few.each(on_three, group), strict=True))
-            left = [name for name in forms if name not in moved]
-            left.sort(key=lambda name: min(map(rank, forms[name])))
-            likeliest = min(forms[left[0]], key=rank)
-            noise = leaves_noise(likeliest.problem, likeliest.fitted)
-            if len(forms) < len(order) and not noise:
-                continue
+            left, likeliest = _likeliest_first(forms, moved)
+            if not leaves_noise(likeliest.problem, likeliest.fitted):
+                if len(forms) < len(order):
+                    continue
+                # another form may do best, whose effect's first one is far behind
+                further = self.few.each(partial(on_three, others=True), order)
+                forms.update({name: [*forms[name], *next(further)] for name in order})
+                complete.update(order)
+                left, likeliest = _likeliest_first(forms, moved)
             # as in the last round: what explains less than half does not lead on more shots
             least = CRITERIA.half * likeliest.score()
             more = [n for n in left[ALWAYS_TRIED:] if any(r.score() >= least for r in forms[n])]
@@ -248,15 +252,18 @@ class _FirstRound:
         self,
         three: Part,
         on_three: Callable[..., list[Refit]],
-        first: Mapping[str, list[Refit]],
+        forms: Mapping[str, list[Refit]],
+        complete: set[str],
         effect_id: str,
         *,
         steps: int,
     ) -> list[Refit]:
         """Return all forms of an effect, carried on from three shots to the few.
 
-        ``first`` has by effect what the first form came to on three shots.
+        ``forms`` has by effect what the first form came to on three shots, and where it is
+        ``complete`` the others too.
         """
+        others = [] if effect_id in complete else on_three(effect_id, others=True)
         return [
             refit_elsewhere(
                 one,
@@ -268,8 +275,15 @@ class _FirstRound:
                 max_iterations=steps,
                 anchors=_anchors(self.present, three, self.part, one.effect, far=True),
             )
-            for one in [*first[effect_id], *on_three(effect_id, others=True)]
+            for one in [*forms[effect_id], *others]
         ]
+
+
+def _likeliest_first(forms: Mapping[str, list[Refit]], moved: list[str]) -> tuple[list[str], Refit]:
+    """Return which effects have not moved on, the likeliest first, and its best refit."""
+    best = {name: min(own, key=rank) for name, own in forms.items() if name not in moved}
+    left = sorted(best, key=lambda name: rank(best[name]))
+    return left, best[left[0]]
 
 
 def few_show_much(problem: JointProblem, fitted: joint.Fitted) -> bool:
