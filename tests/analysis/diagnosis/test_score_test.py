@@ -169,7 +169,7 @@ def test_a_test_asked_twice_is_one(clean):
     linearised = clean.steps[0].linearised
     one = ("response", "rig")
     assert independent_tests(linearised, [one, one]) == pytest.approx(1.0, abs=0.2)
-    assert 1.5 < independent_tests(linearised, [one, ("speed", "shot")]) <= 2.0
+    assert 1.5 < independent_tests(linearised, [one, ("contact", "sphere")]) <= 2.0
 
 
 def test_a_test_that_sees_nothing_is_one(tmp_path):
