@@ -65,7 +65,8 @@ such fits in seven campaigns 32 ended within 7 steps, one after 21, and two crep
 ALWAYS_TRIED = 6
 """Effects that are fitted even where the first has left nothing for others to explain."""
 RUNNERS_UP = 2
-"""Of these, from afar, however much they leave: a reader asks what came next. A choice of time."""
+"""Of these, from afar, however much they leave: a reader asks what came next. A choice of time:
+each takes 1 to 2 s."""
 
 
 def ranked(
@@ -140,8 +141,12 @@ class _FirstRound:
         three = Part(places, part_of(self.present.problem, self.present.fitted, places)[1])
         on_three = partial(self._on_three, three, self._begins(three))
         forms: dict[str, list[Refit]] = {}
-        complete: set[str] = set()
-        carry = partial(self._carried, three, on_three, forms, complete)
+
+        def with_other_forms(effect_id: str) -> list[Refit]:
+            """Return what three shots make of all forms of an effect."""
+            return [*forms[effect_id], *on_three(effect_id, others=True)]
+
+        carry = partial(self._carried, three, with_other_forms)
         best: list[Refit] = []
         moved: list[str] = []
         for group in filter(None, (order[:ALWAYS_TRIED], order[ALWAYS_TRIED:])):
@@ -152,9 +157,8 @@ class _FirstRound:
                 if len(forms) < len(order):
                     continue
                 # another form may do best, whose effect's first one is far behind
-                further = self.few.each(partial(on_three, others=True), order)
-                forms.update({name: [*forms[name], *next(further)] for name in order})
-                complete.update(order)
+                forms = dict(zip(order, self.few.each(with_other_forms, order), strict=True))
+                carry = partial(self._carried, three, forms.__getitem__)
                 left, likeliest = _likeliest_first(forms, moved)
             # as in the last round: what explains less than half does not lead on more shots
             least = CRITERIA.half * likeliest.score()
@@ -251,19 +255,15 @@ class _FirstRound:
     def _carried(
         self,
         three: Part,
-        on_three: Callable[..., list[Refit]],
-        forms: Mapping[str, list[Refit]],
-        complete: set[str],
+        forms: Callable[[str], list[Refit]],
         effect_id: str,
         *,
         steps: int,
     ) -> list[Refit]:
         """Return all forms of an effect, carried on from three shots to the few.
 
-        ``forms`` has by effect what the first form came to on three shots, and where it is
-        ``complete`` the others too.
+        ``forms`` gives what three shots make of them.
         """
-        others = [] if effect_id in complete else on_three(effect_id, others=True)
         return [
             refit_elsewhere(
                 one,
@@ -275,7 +275,7 @@ class _FirstRound:
                 max_iterations=steps,
                 anchors=_anchors(self.present, three, self.part, one.effect, far=True),
             )
-            for one in [*forms[effect_id], *others]
+            for one in forms(effect_id)
         ]
 
 

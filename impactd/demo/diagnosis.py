@@ -15,8 +15,9 @@ from impactd.console.failure import Failure
 from impactd.demo.drops import until
 
 SEARCH_S = 45.0
-"""How long a diagnosis may search here. A choice: what has a name is named by then on one core, a
-soft tape after 30 s, and drops, fits and pages take twice as long themselves."""
+"""How long a diagnosis may search here. A choice: a soft tape, which takes the longest of what was
+drawn so far, was found after 30 s on one core, and a search has 0.8 of this; drops, fits and pages
+take twice as long themselves."""
 _DIAGNOSIS_LIMIT_S = 600.0
 """When a diagnosis that does not end is given up: beside ten other programs it takes ten times
 as long."""

@@ -116,7 +116,9 @@ class JobsSection(Section):
     fit_memory_bytes: int = key(
         "A fit that takes more memory is ended", "byte", ge=256_000_000, default=2_000_000_000
     )
-    workers: int = key("Worker processes", "1", ge=1, le=64, default=1)
+    workers: int = key(
+        "Worker processes, which share all cores but one", "1", ge=1, le=64, default=1
+    )
 
 
 class PlannedDrops(Section):

@@ -134,14 +134,13 @@ def asked_by_their_column(problem: JointProblem) -> list[Proposal]:
     be guessed. A contact's effect with further numbers is asked at each of their usual values:
     moduli follow what it does, so that next to nothing is left of it.
     """
-    found: dict[tuple[str, tuple[float, ...]], Proposal] = {}
-    for one in proposals(problem)[0]:
-        if one.amplitude != 0 or one.effect.id != one.effect_id:
-            continue
-        further = one.coordinates[1:]
-        if not further or one.effect.slot == "contact":
-            found[one.effect_id, further] = one
-    return list(found.values())
+    return [
+        one
+        for one in proposals(problem)[0]
+        if one.effect.id == one.effect_id
+        and one.amplitude == 0
+        and (len(one.coordinates) == 1 or one.effect.slot == "contact")
+    ]
 
 
 def column(
