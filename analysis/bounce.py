@@ -30,6 +30,8 @@ LARGEST_RATIO = 1.05
 """A ratio above this is no rebound: a landing was missed or the impact speed is wrong."""
 AIR_RELATIVE_U = 5e-4
 """Buoyancy and drag on a polymer sphere of some millimetres at 1 m/s, neither corrected."""
+TRIGGERED_S = 5e-3
+"""A trigger that the impact set off comes at most so long before its largest swing."""
 CONTACT_RELATIVE_U = 0.3
 """How well the pulse's width at 5 % stands for the contact's duration behind a ringing crystal."""
 
@@ -132,6 +134,30 @@ def landings(
         if landing is not None and landing.height >= SMALLEST_SHARE * first.height:
             found.append(landing)
     return tuple(found)
+
+
+def first_impact(
+    signal: NDArray[np.float64], sample_rate_hz: float, trigger_index: int
+) -> int:
+    """Return the onset of the impact where something else set off the trigger earlier.
+
+    A sphere's first impact is its hardest: what rises above its surroundings as an impact does, and
+    moves more than anything near the trigger, is that impact. ``trigger_index`` where nothing does.
+    """
+    block = max(8, round(BLOCK_S * sample_rate_hz))
+    ranges = _block_ranges(signal, block)
+    after = math.ceil((trigger_index + TRIGGERED_S * sample_rate_hz) / block) + 1
+    near = ranges[max(0, trigger_index // block - 2) : after]
+    before = max(3, round(QUIET_BEFORE_S * sample_rate_hz / block))
+    if not near.size:
+        return trigger_index
+    harder = [i for i in _candidates(ranges, before, float(near.max())) if i >= after]
+    if not harder:
+        return trigger_index
+    hardest = max(harder, key=lambda i: float(ranges[i])) * block
+    polarity = _first_polarity(signal, hardest, block)
+    landing = _landing(signal, hardest - block, hardest + 3 * block, sample_rate_hz, polarity)
+    return trigger_index if landing is None else landing.onset_index
 
 
 def bounce_indices(

@@ -34,9 +34,9 @@ from analysis.quiet_spectrum import (
     SHORTEST,
     Spectrum,
     drift_degree,
+    pieces_of,
     pooled_spectrum,
     without_drift,
-    without_long_drift,
 )
 
 MAX_ORDER = 8
@@ -204,9 +204,10 @@ def estimate_noise(
     `analysis.noise_slow`. Validation: recovers AR(1) of known coefficient, and corners of known
     1/f and 1/f^2, in ``tests/analysis/test_noise.py`` and ``test_noise_slow.py``.
     """
-    usable = [s for s in segments if s.size > 4 * MAX_ORDER]
+    pieces = segments
     if sample_rate_hz is not None:
-        usable = [without_long_drift(s, sample_rate_hz) for s in usable]
+        pieces = [one for whole in segments for one in pieces_of(whole, sample_rate_hz)]
+    usable = [s for s in pieces if s.size > 4 * MAX_ORDER]
     samples = sum(s.size for s in usable)
     if samples < MIN_QUIET_SAMPLES:
         return None

@@ -29,10 +29,10 @@ DRIFT_HZ = 420.0
 DEGREE_PER_RADIAN, LEAST_DEGREE = 0.63, 3
 LONGEST = 4096
 """Quiet stretches are looked at in pieces of at most so many samples."""
+MOST_NUMBERS = 2**21
+"""Of polynomials that follow the drift of one stretch, 16 MB; pieces tell as much."""
 SHORTEST = 256
 """In pieces shorter than this, drift and 1/f cannot be told apart."""
-MOST_DEGREE = LONGEST // 16
-"""A polynomial of a higher degree over a long stretch takes gigabytes; a piece tells as much."""
 LOWEST = 2.0**-16
 """Cycles per sample below which a rising density stays flat; no window is long enough to see it."""
 SINGLE, STEP = 64, 0.03
@@ -79,14 +79,14 @@ def drift_degree(samples: int, sample_rate_hz: float) -> int:
     return min(wanted, samples // 16)
 
 
-def without_long_drift(stretch: Array, sample_rate_hz: float) -> Array:
-    """Return a stretch, or its last `LONGEST` samples where its drift is of too many degrees.
+def pieces_of(stretch: Array, sample_rate_hz: float) -> list[Array]:
+    """Return a stretch as one, or pieces of `LONGEST` samples where its drift takes too much.
 
-    A polynomial of at most `MOST_DEGREE` follows the drift of what is returned.
+    Pieces are counted from the end; a shorter rest at the beginning is left out.
     """
-    if drift_degree(stretch.size, sample_rate_hz) <= MOST_DEGREE:
-        return stretch
-    return stretch[-LONGEST:]
+    if stretch.size * drift_degree(stretch.size, sample_rate_hz) <= MOST_NUMBERS:
+        return [stretch]
+    return list(stretch[stretch.size % LONGEST :].reshape(-1, LONGEST))
 
 
 @lru_cache(maxsize=16)

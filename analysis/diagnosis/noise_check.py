@@ -19,7 +19,7 @@ from analysis.aliases import Array
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.fit.problem import FitShot
 from analysis.fit.window import quiet_part
-from analysis.quiet_spectrum import drift_basis, drift_degree, without_drift, without_long_drift
+from analysis.quiet_spectrum import drift_basis, drift_degree, pieces_of, without_drift
 
 FIRST_LINE = 2
 """Below it lies what a record's mean smears."""
@@ -162,7 +162,7 @@ def _tone(kept: list[tuple[FitShot, Array]]) -> Tone | None:
         return None  # lines of records sampled otherwise lie elsewhere
     rate_hz = rates.pop()
     shortest = min((quiet for _, quiet in kept), key=np.size)
-    size = without_long_drift(shortest, rate_hz).size
+    size = pieces_of(shortest, rate_hz)[-1].size
     degree = drift_degree(size, rate_hz)
     calm = [without_drift(quiet[-size:], degree) for _, quiet in kept]
     white = [_whitened(item, samples) for (item, _), samples in zip(kept, calm, strict=True)]

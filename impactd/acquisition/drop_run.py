@@ -14,8 +14,12 @@ import math
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
+from analysis.bounce import first_impact
 from drivers.digitizer import Record
 from drivers.errors import AbortedError, DriverError, TriggerTimeoutError
 from impactd.acquisition import refusals
@@ -275,12 +279,6 @@ class DropRun:
         self.seen.trigger_ns = trigger_ns
         self._hold_again()
         self._advance(Event.TRIGGERED, "is being recorded", "capturing")
-        assert self.seen.valve is not None
-        # From before the command: a busy host reads its clock late, and must not lose a drop by it.
-        seen_s = (trigger_ns - self.seen.valve.began_monotonic_ns) * 1e-9 * self._rig.clock_speed
-        if seen_s < _SHORTEST_FALL_SHARE * self.fall_time_s:
-            record = self._rig.digitizer.wait_record(limit_s, self.aborting)
-            raise refusals.early_trigger(seen_s, self.fall_time_s, record)
 
     def _missed(self, limit_s: float, error: TriggerTimeoutError) -> StepFailedError:
         """Distinguish a sphere that still hangs from one that fell beside the coupon."""
@@ -295,11 +293,40 @@ class DropRun:
         margin_s = self._settings.timeouts.record_margin_s
         record = self._rig.digitizer.wait_record(margin_s, self.aborting)
         self.seen.captured_ns = time.monotonic_ns()
+        record = self._at_the_impact(record)
         try:
             self._advance(Event.RECORD_COMPLETE, "is being stored", "storing")
         except AbortedError:
             raise refusals.aborted_when_full(record) from None
         return record
+
+    def _at_the_impact(self, record: Record) -> Record:
+        """Return the record, its trigger index moved if something else set off the trigger.
+
+        A StepFailedError says that the impact comes before the sphere can have landed.
+        """
+        assert self.seen.valve is not None
+        rate_hz, trigger = record.sample_rate_hz, record.trigger_index
+        impact = first_impact(record.codes.astype(np.float64), rate_hz, trigger)
+        late_s = (impact - trigger) / rate_hz
+        # From before the command: a busy host reads its clock late, and must not lose a drop by it.
+        waited_ns = self.seen.trigger_ns - self.seen.valve.began_monotonic_ns
+        seen_s = waited_ns * 1e-9 * self._rig.clock_speed + late_s
+        if seen_s < _SHORTEST_FALL_SHARE * self.fall_time_s:
+            raise refusals.early_trigger(seen_s, self.fall_time_s, record)
+        if impact == trigger:
+            return record
+        self.seen.notes.append(
+            f"something else set off the trigger, {late_s * 1e3:.1f} ms before the impact; "
+            "trigger_index is that of the impact. Look for drift and vibration, or raise "
+            "trigger.level_v."
+        )
+        late_ns = round(late_s * 1e9 / self._rig.clock_speed)
+        return replace(
+            record,
+            trigger_index=impact,
+            trigger_monotonic_ns=record.trigger_monotonic_ns + late_ns,
+        )
 
     def _hold_again(self) -> None:
         """Close the valve; its failure must not cost the shot that is being recorded."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis import bounce_indices, restitution_from_bounce
-from analysis.bounce import restitution_from_rebound_height
+from analysis.bounce import first_impact, restitution_from_rebound_height
 from analysis.campaign import Quantity
 from analysis.errors import ParameterOutOfRangeError
 
@@ -97,6 +97,28 @@ def test_disturbances_are_no_landings(bouncing: Any, disturbance: str) -> None:
     assert found is not None
     assert found.value == pytest.approx(ratio, abs=3 * found.u)
     assert len(bounce_indices(volts, RATE_HZ, TRIGGER)) <= len(landed)
+    assert first_impact(volts, RATE_HZ, TRIGGER) == TRIGGER
+
+
+@pytest.mark.parametrize("early_s", [6e-3, 19e-3])
+@pytest.mark.parametrize("polarity", [1.0, -1.0])
+def test_what_set_off_the_trigger_early_is_not_the_impact(
+    bouncing: Any, early_s: float, polarity: float
+) -> None:
+    """The baseline wanders through the trigger level, and the sphere lands later."""
+    volts, _, landed, _ = bouncing(0.047, 0.75)
+    way = 8e-4 * np.cumsum(np.random.default_rng(2).standard_normal(volts.size))
+    early = TRIGGER - round(early_s * RATE_HZ)
+    found = first_impact(polarity * volts + way, RATE_HZ, early)
+    assert found == pytest.approx(landed[0], abs=40)
+
+
+def test_noise_is_no_impact_that_comes_later(bouncing: Any) -> None:
+    """A sphere that fell beside the coupon: the trigger stays where it is."""
+    noise = 1.5e-3 * np.random.default_rng(4).standard_normal(400_000)
+    assert first_impact(noise, RATE_HZ, TRIGGER) == TRIGGER
+    assert first_impact(np.zeros(400_000), RATE_HZ, TRIGGER) == TRIGGER
+    assert first_impact(noise[:TRIGGER], RATE_HZ, TRIGGER) == TRIGGER
 
 
 def test_all_landings_are_listed_as_triggers(bouncing: Any) -> None:

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from analysis.quiet_spectrum import (
+    LONGEST,
     LOWEST,
     drift_degree,
+    pieces_of,
     pooled_spectrum,
     slow_covariance,
     without_drift,
@@ -83,6 +85,16 @@ def test_stretches_of_different_length_share_one_piece_length() -> None:
     seen = pooled_spectrum([rng.standard_normal(n) for n in sizes], RATE_HZ)
     assert seen is not None
     assert (seen.samples, seen.pieces) == (1000, 7)
+
+
+def test_a_long_stretch_is_looked_at_in_pieces() -> None:
+    """Tenths of a second of it: all samples but a rest shorter than a piece."""
+    stretch = np.arange(130_000.0)
+    pieces = pieces_of(stretch, RATE_HZ)
+    assert {piece.size for piece in pieces} == {LONGEST}
+    np.testing.assert_array_equal(np.concatenate(pieces), stretch[130_000 % LONGEST :])
+    (whole,) = pieces_of(stretch[:20_000], RATE_HZ)
+    assert whole.size == 20_000
 
 
 def test_short_stretches_say_nothing() -> None:

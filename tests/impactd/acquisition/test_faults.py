@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from impactd.acquisition.errors import NotReadyError
@@ -126,6 +127,20 @@ def test_a_knock_before_the_sphere_can_land_is_no_impact(
     _problem(drop, "early-trigger", "that was not the sphere")
     assert list((laboratory.directory / "partial").glob("*.h5"))
     assert laboratory.archive.shots() == []
+
+
+def test_a_baseline_that_sets_off_the_trigger_costs_no_drop(
+    build: Callable[..., Laboratory],
+) -> None:
+    """The input wanders through the level in flight: the shot's trigger is moved to the impact."""
+    rig = {"effect": "x_wandering_baseline", "seed": 11}
+    laboratory = build(simulation=rig, trigger={"level_v": 0.03, "hysteresis_v": 0.01}).start()
+    assert laboratory.drop().state == "stored"
+    stored = laboratory.archive.read_shot(1)
+    trigger, samples = stored.recording.trigger_index, stored.recording.samples
+    assert trigger > 20_000 + 5000
+    assert abs(int(np.argmax(np.abs(samples))) - trigger) < 100
+    assert any("set off the trigger" in note for note in stored.metadata.notes)
 
 
 def test_a_silent_relay_board_is_a_fault_that_mends_itself(
