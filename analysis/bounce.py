@@ -141,8 +141,9 @@ def first_impact(
 ) -> int:
     """Return the onset of the impact where something else set off the trigger earlier.
 
-    A sphere's first impact is its hardest: what rises above its surroundings as an impact does, and
-    moves more than anything near the trigger, is that impact. ``trigger_index`` where nothing does.
+    A sphere's first impact is its hardest, and a chain that limits it limits all: what stands out
+    from all that is near the trigger as an onset does, is that impact. ``trigger_index`` where
+    nothing does.
     """
     block = max(8, round(BLOCK_S * sample_rate_hz))
     ranges = _block_ranges(signal, block)
@@ -151,7 +152,8 @@ def first_impact(
     before = max(3, round(QUIET_BEFORE_S * sample_rate_hz / block))
     if not near.size:
         return trigger_index
-    harder = [i for i in _candidates(ranges, before, float(near.max())) if i >= after]
+    floor = STEP_UP * float(near.max())
+    harder = [i for i in _candidates(ranges, before, floor) if i >= after]
     if not harder:
         return trigger_index
     hardest = max(harder, key=lambda i: float(ranges[i])) * block

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import numpy as np
@@ -90,6 +90,10 @@ class NoiseModel:
     """What a converter's step hides; None where rounding is as good as white noise."""
     calm_share: float = 1.0
     """Of the quiet stretches, from their beginning: what follows is a precursor, no noise."""
+    _of_taps: dict[int, NDArray[np.complex128]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+    """The filter's Fourier transform by the number of samples that it is applied to."""
 
     @property
     def is_measured(self) -> bool:
@@ -141,9 +145,11 @@ class NoiseModel:
         """Return the innovations of all samples, the filter applied by Fourier transform."""
         n, p = values.shape[0], min(self.order, values.shape[0])
         size = next_fast_len(n, real=True)  # what wraps around falls on the head
-        taps = np.concatenate([[1.0], -self.coefficients])[:n]
+        if n not in self._of_taps:
+            taps = np.concatenate([[1.0], -self.coefficients])[:n]
+            self._of_taps[n] = rfft(taps, size)
         rows = values.T
-        white = irfft(rfft(rows, size, axis=-1) * rfft(taps, size), size, axis=-1)[..., :n]
+        white = irfft(rfft(rows, size, axis=-1) * self._of_taps[n], size, axis=-1)[..., :n]
         white[..., :p] = rows[..., :p] @ head[:p, :p].T
         white /= self.innovation_rms
         return np.asarray(white.T)

@@ -62,7 +62,7 @@ def _drift(samples: int, context: ShotContext) -> Array:
 EFFECT = Effect(
     id="mains_hum",
     slot="electronics",
-    title="50 Hz hum and its harmonics",
+    title="mains hum and its harmonics",
     tell_tale="present before the trigger",
     source="Fourier",
     validation="span of a synthetic hum",
@@ -73,7 +73,7 @@ EFFECT = Effect(
         Effect(
             id="mains_hum:60_hz",
             slot="electronics",
-            title="60 Hz hum and its harmonics",
+            title="mains hum of 60 Hz and its harmonics",
             tell_tale="present before the trigger",
             source="Fourier",
             validation="span of a synthetic hum",

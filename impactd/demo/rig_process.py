@@ -20,6 +20,10 @@ from impactd.settings.settings import find_config
 MATERIALS_NAME = "materials.toml"
 CLOCK_SPEED = 4.0
 """Rig seconds per host second: quick, and slow enough to see each drop."""
+TRIGGER = {"level_v": 0.3, "hysteresis_v": 0.05}
+NOISE_MAX_V = 0.15
+"""As a technician would set both where the input hums as much as any rig that may be drawn: its
+smallest pulses have 1.7 V."""
 
 _START_LIMIT_S = 90.0
 _STOP_LIMIT_S = 20.0
@@ -45,6 +49,8 @@ def write_settings(file: Path, *, seed: int, effect: str) -> None:
     drawers = file.with_name(MATERIALS_NAME)
     _write_materials(find_config(settings["materials"]["file"]), drawers)
     settings["materials"]["file"] = str(drawers.resolve())
+    settings["trigger"] |= TRIGGER
+    settings["preflight"]["noise_max_v"] = NOISE_MAX_V
     settings["simulation"] |= {"seed": seed, "effect": effect, "clock_speed": CLOCK_SPEED}
     _write(file, f"The rig of one `impactd demo`; derived from {shipped.name}.", settings)
 

@@ -144,8 +144,15 @@ def world_settings(
 
 
 def check_effect(effect: str) -> None:
-    """Raise SettingsError where the simulator does not know an effect, or one of several."""
+    """Raise SettingsError where the simulator does not know an effect, or one of several.
+
+    A cell that rings is what this rig has.
+    """
     for name in effect.split("+"):
+        if name == "crystal_dynamics":
+            raise SettingsError(
+                None, "simulation.effect", "the simulated rig's cell rings already: name another"
+            )
         if effect not in ("random", "none") and name not in EFFECTS:
             raise SettingsError(
                 None,

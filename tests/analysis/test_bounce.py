@@ -113,6 +113,14 @@ def test_what_set_off_the_trigger_early_is_not_the_impact(
     assert found == pytest.approx(landed[0], abs=40)
 
 
+def test_a_limited_first_impact_is_the_first_all_the_same(bouncing: Any) -> None:
+    """A slow amplifier or a ceiling lets a gentler bounce seem as hard."""
+    volts, *_ = bouncing(0.047, 0.75)
+    cut = np.clip(volts, -0.3, 0.3)
+    cut[TRIGGER - 10 : TRIGGER + 4000] *= 0.7
+    assert first_impact(cut, RATE_HZ, TRIGGER) == TRIGGER
+
+
 def test_noise_is_no_impact_that_comes_later(bouncing: Any) -> None:
     """A sphere that fell beside the coupon: the trigger stays where it is."""
     noise = 1.5e-3 * np.random.default_rng(4).standard_normal(400_000)

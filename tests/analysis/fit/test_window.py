@@ -121,25 +121,6 @@ def test_a_record_without_pulse_is_rejected(level: float) -> None:
         cut(flat)
 
 
-def test_a_knock_that_set_off_the_trigger_is_not_taken_for_the_impact(shot: Shot) -> None:
-    """A tenth of the pulse, turned, 8 ms before it; the message says where the impact is."""
-    signal = np.concatenate([np.full(8000, 0.01), shot.signal])
-    t = np.arange(signal.size)
-    signal -= 0.1 * shot.signal.max() * np.exp(-(((t - 900) / 200) ** 2))
-    early = dataclasses.replace(shot, name="shot 33", signal=signal)
-    with pytest.raises(ShotRejectedError, match=r"shot 33: .* index 89\d\d\. .*hardest"):
-        cut(early)
-    assert cut(dataclasses.replace(early, trigger_index=8900)).polarity == 1
-
-
-def test_spikes_of_a_converter_elsewhere_do_not_hide_a_pulse(shot: Shot) -> None:
-    """Two single samples of ten volts, 10 ms after the impact."""
-    signal = np.concatenate([shot.signal, np.zeros(10_000)])
-    signal[[11_000, 11_500]] = 10.0
-    spiked = dataclasses.replace(shot, signal=signal)
-    assert cut(spiked).first == cut(shot).first
-
-
 def test_noise_alone_is_no_pulse() -> None:
     """A record that never leaves its own noise is refused, not fitted."""
     noise = 1e-3 * np.random.default_rng(5).standard_normal(8000)

@@ -6,15 +6,22 @@ from pathlib import Path
 
 import pytest
 
+from drivers.simulated.effects import EFFECTS
 from impactd.console.failure import Failure
 from impactd.demo.drops import plan
-from impactd.demo.rig_process import CLOCK_SPEED, RigProcess, write_settings
+from impactd.demo.rig_process import (
+    CLOCK_SPEED,
+    NOISE_MAX_V,
+    TRIGGER,
+    RigProcess,
+    write_settings,
+)
 from impactd.settings.materials import load_materials
 from impactd.settings.settings import find_config, load_settings
 
 
 def test_settings_differ_from_the_shipped_rig_only_where_they_must(tmp_path: Path) -> None:
-    """Seed, effect, clock and drawers are the demo's; all else is that of simulated.toml."""
+    """Seed, effect, clock, drawers and what the noise may be; all else is of simulated.toml."""
     write_settings(tmp_path / "rig.toml", seed=77, effect="clipping")
     ours = load_settings(tmp_path / "rig.toml")
     shipped = load_settings(find_config("simulated.toml"))
@@ -22,8 +29,22 @@ def test_settings_differ_from_the_shipped_rig_only_where_they_must(tmp_path: Pat
     assert shipped.simulation is not None
     changed = {"seed": 77, "effect": "clipping", "clock_speed": CLOCK_SPEED}
     assert ours.simulation.model_dump() == shipped.simulation.model_dump() | changed
-    theirs = {"simulation", "materials"}
+    assert ours.trigger.model_dump() == shipped.trigger.model_dump() | TRIGGER
+    assert ours.preflight.model_dump() == shipped.preflight.model_dump() | {
+        "noise_max_v": NOISE_MAX_V
+    }
+    theirs = {"simulation", "materials", "trigger", "preflight"}
     assert ours.model_dump(exclude=theirs) == shipped.model_dump(exclude=theirs)
+
+
+def test_hum_as_large_as_any_that_is_drawn_lets_spheres_fall(tmp_path: Path) -> None:
+    """Before a drop nothing may come near the trigger, and the noise has a limit."""
+    hum = EFFECTS["mains_hum"]
+    write_settings(tmp_path / "rig.toml", seed=77, effect="mains_hum")
+    ours = load_settings(tmp_path / "rig.toml")
+    largest = next(p.high for p in hum.parameters if p.name == "amplitude_v")
+    assert largest < ours.trigger.level_v - ours.trigger.hysteresis_v
+    assert largest / 2**0.5 < ours.preflight.noise_max_v
 
 
 def test_the_drawers_hold_what_is_dropped_as_it_is_shipped(tmp_path: Path) -> None:
