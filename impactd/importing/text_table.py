@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import csv
 import gzip
+import itertools
 import re
 import zlib
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,7 +42,8 @@ _FORMS = (
 _NAMES = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", None: "blanks"}
 _RATE = re.compile(r"^(sampl\w*[ _]*(rate|freq\w*)|fs|abtastrate)\b", re.IGNORECASE)
 _INTERVAL = re.compile(
-    r"^(sampl\w*[ _]*(interval|period|time)|(delta|d)[ _]?[tx]|time[ _]?(step|base|interval))\b",
+    r"^(sampl\w*[ _]*(interval|period|time)|(delta|d)[ _]?[tx]|time[ _]?(step|base|interval)"
+    r"|(x[ _]?)?incr(ement)?)\b",
     re.IGNORECASE,
 )
 
@@ -353,21 +356,28 @@ def _rises(values: NDArray[np.float64]) -> bool:
 
 def _stated_rate(header: list[str], form: _Form) -> float | None:
     """Return the rate that a line of the header states. [Hz]"""
+    for name, text in _statements(header, form):
+        key, unit = split_name(name.lstrip("#% "))
+        value = re.match(r"\s*([-+.\deE]+)\s*(\w*)", text)
+        if value is None:
+            continue
+        number = form.number(value[1])
+        said = (value[2] or unit or "").lower()
+        if not number > 0:
+            continue
+        if _RATE.match(key):
+            return number * {"khz": 1e3, "mhz": 1e6}.get(said, 1.0)
+        if _INTERVAL.match(key):
+            factor = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}.get(said, 1.0)
+            return 1 / (number * factor)
+    return None
+
+
+def _statements(header: list[str], form: _Form) -> Iterator[tuple[str, str]]:
+    """Yield names and values of a header: side by side, then each above its value."""
     for line in header:
         for fields in (form.fields(line), re.split(r"[:=]", line, maxsplit=1)):
-            if len(fields) < 2:
-                continue
-            key, unit = split_name(fields[0].lstrip("#% "))
-            value = re.match(r"\s*([-+.\deE]+)\s*(\w*)", fields[1])
-            if value is None:
-                continue
-            number = form.number(value[1])
-            said = (value[2] or unit or "").lower()
-            if not number > 0:
-                continue
-            if _RATE.match(key):
-                return number * {"khz": 1e3, "mhz": 1e6}.get(said, 1.0)
-            if _INTERVAL.match(key):
-                factor = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}.get(said, 1.0)
-                return 1 / (number * factor)
-    return None
+            if len(fields) > 1:
+                yield fields[0], fields[1]
+    for above, below in itertools.pairwise(header):
+        yield from zip(form.fields(above), form.fields(below), strict=False)

@@ -57,6 +57,13 @@ def csv_stated_rate(path: Path, record: Record) -> None:
     path.write_text(head + "\n".join(rows), encoding="utf-16")
 
 
+def csv_increment(path: Path, record: Record) -> None:
+    """Sample numbers instead of times; the interval stands below its name, as a scope writes it."""
+    rows = [f"{i},{x:.6e}," for i, x in enumerate(record.signal)]
+    head = f"X,CH1,Start,Increment,\nSequence,Volt,-1.500000e-03,{1 / RATE_HZ:.6e}\n"
+    path.write_text(head + "\n".join(rows))
+
+
 def blanks(path: Path, record: Record) -> None:
     """Columns parted by blanks, comments in front, a note below."""
     rows = [f"  {t:.6e}   {x: .6e}" for t, x in zip(*_pair(record), strict=True)]
@@ -151,6 +158,7 @@ KINDS: list[tuple[str, Callable[[Path, Record], None], list[str]]] = [
     ("scope.csv", csv_scope, ["--unit", "N", "--scale", "0.001"]),
     ("bare.txt", csv_bare, ["--rate", "50000", "--unit", "N"]),
     ("rate.csv", csv_stated_rate, ["--column", "hammer"]),
+    ("increment.csv", csv_increment, ["--unit", "N"]),
     ("blanks.dat", blanks, ["--unit", "N"]),
     ("long.npy", npy_long, ["--rate", "50000", "--unit", "N"]),
     ("hits.npy", npy_hits, ["--rate", "50000", "--unit", "N"]),
