@@ -57,6 +57,7 @@ _NEXT: dict[str, tuple[str, ...]] = {
         "If it fails again, `journalctl -u impactd` has the lines that whoever maintains it needs.",
     ),
     "job.lost": ("`impactd fit` with the number of the shot does it.",),
+    "trigger.early": ("Meanwhile drops continue: each is fitted where its impact is.",),
     "environment.unknown": ("Meanwhile drops continue: give your own readings with each drop.",),
 }
 """What is to be done after an alarm's own remedy, whatever its cause was."""
@@ -144,6 +145,14 @@ def _job_lost(data: Json) -> Words:
     )
 
 
+def _trigger_early(_data: Json) -> Words:
+    # Without the drop's number, as below.
+    return (
+        "Something else set off the trigger before an impact.",
+        "Look for drift, glitches and vibration of the input, or raise trigger.level_v.",
+    )
+
+
 def _environment_unknown(data: Json) -> Words:
     # Without the drop's number: a sensor that is away is one alarm, counted with each drop.
     return (
@@ -159,5 +168,6 @@ _WORDS: dict[str, Callable[[Json], Words | None]] = {
     "calibration.failed": _calibration_failed,
     "job.failed": _job_failed,
     "job.lost": _job_lost,
+    "trigger.early": _trigger_early,
     "environment.unknown": _environment_unknown,
 }

@@ -318,9 +318,9 @@ class DropRun:
             return record
         self.seen.notes.append(
             f"something else set off the trigger, {late_s * 1e3:.1f} ms before the impact; "
-            "trigger_index is that of the impact. Look for drift and vibration, or raise "
-            "trigger.level_v."
+            "trigger_index is that of the impact"
         )
+        self._tell("trigger.early", {"drop": self.drop.number, "early_s": late_s})
         late_ns = round(late_s * 1e9 / self._rig.clock_speed)
         return replace(
             record,

@@ -141,6 +141,8 @@ def test_a_baseline_that_sets_off_the_trigger_costs_no_drop(
     assert trigger > 20_000 + 5000
     assert abs(int(np.argmax(np.abs(samples))) - trigger) < 100
     assert any("set off the trigger" in note for note in stored.metadata.notes)
+    (told,) = [data for kind, data in laboratory.events if kind == "trigger.early"]
+    assert told["early_s"] == pytest.approx((trigger - 20_000) * 1e-6, rel=1e-3)
 
 
 def test_a_silent_relay_board_is_a_fault_that_mends_itself(

@@ -13,7 +13,7 @@ const KINDS = [
   "drop.stored", "drop.analysed", "drop.failed", "drop.aborted", "drop.interrupted",
   "shot.unlike", "series.changed", "fit.done", "job.failed", "job.cancelled", "job.retried",
   "calibration.started", "calibration.progress", "calibration.fitting", "calibration.done", "calibration.failed",
-  "environment.unknown", "diagnosis.done", "model.chosen", "material.changed", "alarm.raised", "alarm.acknowledged",
+  "trigger.early", "environment.unknown", "diagnosis.done", "model.chosen", "material.changed", "alarm.raised", "alarm.acknowledged",
 ];
 
 /** Emits `status`, `happened`, `lost`, `found`, `unknown`. */
