@@ -32,6 +32,9 @@ AIR_RELATIVE_U = 5e-4
 """Buoyancy and drag on a polymer sphere of some millimetres at 1 m/s, neither corrected."""
 TRIGGERED_S = 5e-3
 """A trigger that the impact set off comes at most so long before its largest swing."""
+SHORTEST_CONTACT_S = 12e-6
+"""Derived: a steel sphere of 2 mm radius stays so long on steel at 2 m/s (Hertz); what is shorter
+is a spike."""
 CONTACT_RELATIVE_U = 0.3
 """How well the pulse's width at 5 % stands for the contact's duration behind a ringing crystal."""
 
@@ -141,25 +144,32 @@ def first_impact(
 ) -> int:
     """Return the onset of the impact where something else set off the trigger earlier.
 
-    A sphere's first impact is its hardest, and a chain that limits it limits all: what stands out
-    from all that is near the trigger as an onset does, is that impact. ``trigger_index`` where
-    nothing does.
+    Where nothing near the trigger is an onset, drift or a spike set it off. A sphere's first impact
+    is its hardest: it is the hardest onset that comes later. ``trigger_index`` where none stands
+    out from all that is near the trigger.
     """
     block = max(8, round(BLOCK_S * sample_rate_hz))
     ranges = _block_ranges(signal, block)
+    first = max(0, trigger_index // block - 2)
     after = math.ceil((trigger_index + TRIGGERED_S * sample_rate_hz) / block) + 1
-    near = ranges[max(0, trigger_index // block - 2) : after]
-    before = max(3, round(QUIET_BEFORE_S * sample_rate_hz / block))
+    near = ranges[first:after]
     if not near.size:
         return trigger_index
-    floor = STEP_UP * float(near.max())
-    harder = [i for i in _candidates(ranges, before, floor) if i >= after]
-    if not harder:
+    onsets = _candidates(ranges, max(3, round(QUIET_BEFORE_S * sample_rate_hz / block)), 0.0)
+
+    def contact(i: int) -> Landing | None:
+        """Return the pulse that begins at a block, None for a spike."""
+        start, stop = max(0, (i - 1) * block), min(signal.size, (i + 3) * block)
+        polarity = _first_polarity(signal, i * block, block)
+        found = _landing(signal, start, stop, sample_rate_hz, polarity)
+        shortest = SHORTEST_CONTACT_S * sample_rate_hz
+        return None if found is None or found.width_samples < shortest else found
+
+    if any(contact(i) for i in onsets if first <= i < after):
         return trigger_index
-    hardest = max(harder, key=lambda i: float(ranges[i])) * block
-    polarity = _first_polarity(signal, hardest, block)
-    landing = _landing(signal, hardest - block, hardest + 3 * block, sample_rate_hz, polarity)
-    return trigger_index if landing is None else landing.onset_index
+    floor = STEP_UP * float(near.max())
+    later = [one for i in onsets if i >= after and ranges[i] > floor and (one := contact(i))]
+    return max(later, key=lambda one: one.height).onset_index if later else trigger_index
 
 
 def bounce_indices(

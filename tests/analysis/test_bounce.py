@@ -121,6 +121,15 @@ def test_a_limited_first_impact_is_the_first_all_the_same(bouncing: Any) -> None
     assert first_impact(cut, RATE_HZ, TRIGGER) == TRIGGER
 
 
+def test_what_is_louder_than_an_impact_later_is_none(bouncing: Any) -> None:
+    """The valve's coil puts five times the pulse on the line when it closes behind the sphere."""
+    volts, *_ = bouncing(0.047, 0.75)
+    since = np.arange(300)
+    coil = 5.0 * volts.max() * np.exp(-since / 60.0) * np.cos(0.3 * since)
+    volts[TRIGGER + 15_000 : TRIGGER + 15_300] += coil
+    assert first_impact(volts, RATE_HZ, TRIGGER + 8) == TRIGGER + 8
+
+
 def test_noise_is_no_impact_that_comes_later(bouncing: Any) -> None:
     """A sphere that fell beside the coupon: the trigger stays where it is."""
     noise = 1.5e-3 * np.random.default_rng(4).standard_normal(400_000)
