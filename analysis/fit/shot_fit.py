@@ -76,6 +76,11 @@ class ShotFit:
         return 1 - float(np.sum(self.residual**2)) / float(np.sum((y - y.mean()) ** 2))
 
     @property
+    def is_upside_down(self) -> bool:
+        """Whether the record, turned, is an impact: the model has more than half of its squares."""
+        return self.item.window.polarity < 0 and self.r2 > 0.5
+
+    @property
     def chi2_per_dof(self) -> float:
         """Return chi2 over samples less the four nuisances."""
         return self.chi2 / max(self.item.data - 4, 1)
@@ -85,7 +90,7 @@ class ShotFit:
         found = []
         if self.item.shot.clipped:
             found.append("clipped")
-        if self.item.window.polarity < 0:
+        if self.is_upside_down:
             found.append("inverted_polarity")
         if self.chi2_per_dof > MISFIT_ABOVE:
             found.append("residual_above_noise")

@@ -141,7 +141,7 @@ def set_aside_sentences(set_aside: Sequence[SetAside]) -> list[str]:
 
 def polarity_sentences(result: FitResult) -> list[str]:
     """Return which records are upside down where others are not; nothing where all are alike."""
-    turned = [one.item.shot.name for one in result.shots if one.item.window.polarity < 0]
+    turned = [one.item.shot.name for one in result.shots if one.is_upside_down]
     if not 0 < len(turned) < len(result.shots):
         return []
     records, are = ("record", "is") if len(turned) == 1 else ("records", "are")

@@ -127,6 +127,19 @@ def test_records_upside_down_are_told_where_others_are_not(clean) -> None:
     assert two.startswith(f"The records {campaign.shots[0].name}, {campaign.shots[1].name} are")
 
 
+def test_a_record_of_something_else_is_not_upside_down(clean) -> None:
+    """A slow swing below zero, turned round, is no impact either."""
+    campaign = clean.steps[0].problem.campaign
+    first, *others = campaign.shots
+    since = np.arange(first.signal.size) - first.trigger_index
+    swing = first.signal[:100].mean() - 0.2 * np.exp(-((since / 300) ** 2))
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(swing.size)
+    shots = (dataclasses.replace(first, signal=swing + noise), *others)
+    problem = build(dataclasses.replace(campaign, shots=shots), model_named("kv2"))
+    assert problem.shots[0].window.polarity < 0
+    assert polarity_sentences(as_fit_result(problem, clean.steps[0].fitted)) == []
+
+
 @pytest.mark.parametrize("family", sorted(LEARNED | {family for family, _ in ASKED}))
 def test_every_family_that_is_asked_or_learned_has_words(family):
     """In the verdict, the report and the list of slots."""
