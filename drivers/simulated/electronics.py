@@ -33,6 +33,17 @@ class Memoryless:
         return True
 
 
+class Gain(Memoryless):
+    """The same factor for all that comes."""
+
+    def __init__(self, gain: float) -> None:
+        self._gain = gain
+
+    def process(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
+        """Return the input times the gain. [V]"""
+        return self._gain * volts
+
+
 class DelayLine:
     """The input up to a longest delay ago, straight between samples."""
 

@@ -1,6 +1,7 @@
-"""The simulator's own effects: one file each, found by themselves.
+"""The simulator's own effects, found by themselves.
 
-``LIBRARY`` holds the effects a diagnosis may know, ``INVENTED`` (ids ``x_...``) those it must not.
+``LIBRARY`` holds the effects a diagnosis may know, one file each; ``INVENTED`` (ids ``x_...``)
+those it must not, a file for each part of the rig that they act on.
 """
 
 from __future__ import annotations
