@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Iterator
 
 from rich.console import Console
@@ -109,17 +110,22 @@ def drop_all(client: Connection, console: Console, *, range_v: float) -> list[Js
     Failure
         If a drop ends without a shot.
     """
-    shots = []
+    shots: list[Json] = []
+    waiting: deque[tuple[int, float]] = deque()
     lowered: dict[tuple[str, str, float], float] = {}
     for sphere, surface, height_m in plan():
         while True:
             wanted_m = lowered.get((sphere, surface, height_m), height_m)
-            shots.append(_drop(client, console, sphere, surface, wanted_m))
-            if not overloaded(shots[-1], range_v):
+            asked_s = time.monotonic()
+            drop = _drop(client, console, sphere, surface, wanted_m)
+            waiting.append((drop["number"], asked_s))
+            # the next sphere falls while this shot is fitted
+            shots += _analysed(client, console, waiting, left=1)
+            if not overloaded(client.get(f"/v1/shots/{drop['shot']}"), range_v):
                 break
             lowered[sphere, surface, height_m] = LOWERED * wanted_m
             console.print(f"           above {range_v:g} V: repeated from a lower height")
-    return shots
+    return [*shots, *_analysed(client, console, waiting, left=0)]
 
 
 def overloaded(shot: Json, range_v: float) -> bool:
@@ -142,22 +148,42 @@ def overloaded(shot: Json, range_v: float) -> bool:
 
 
 def _drop(client: Connection, console: Console, sphere: str, surface: str, height_m: float) -> Json:
-    """Make one drop and show its shot."""
+    """Make one drop and return it once its shot is stored."""
     body = {"sphere": sphere, "surface": surface, "drop_height_m": height_m, "operator": "demo"}
-    asked = time.monotonic()
     number = client.send("POST", "/v1/drops", body, key=fresh_key())["number"]
     what = f"{sphere} on {surface} from {height_m * 1e3:g} mm"
     with console.status(f"{what} ...") as status:
-        for drop in until(client, f"/v1/drops/{number}", _ENDED, _DROP_LIMIT_S):
+        for drop in until(client, f"/v1/drops/{number}", ("stored", *_ENDED), _DROP_LIMIT_S):
             status.update(f"{what}: {drop['state']}")
-            if drop["state"] == "stored" and drop["problem"]:
-                break
     if not drop["shot"]:
         problem = drop["problem"] or {"detail": f"it is {drop['state']}", "remedy": ""}
         raise Failure(f"drop {number} failed: {problem['detail']} {problem['remedy']}".strip())
-    shot = client.get(f"/v1/shots/{drop['shot']}")
-    console.print(_line(shot, waited_s=time.monotonic() - asked), highlight=False)
-    return shot
+    return drop
+
+
+def _analysed(
+    client: Connection, console: Console, waiting: deque[tuple[int, float]], *, left: int
+) -> list[Json]:
+    """Show shots in the order of their drops once they are analysed, and return them.
+
+    ``waiting`` has drops by number and when they were asked for [s]; as many as ``left`` may stay.
+    """
+    shots = []
+    ends_s = time.monotonic() + _DROP_LIMIT_S
+    while waiting:
+        number, asked_s = waiting[0]
+        drop = client.get(f"/v1/drops/{number}")
+        if drop["state"] in _ENDED or (drop["state"] == "stored" and drop["problem"]):
+            waiting.popleft()
+            shots.append(client.get(f"/v1/shots/{drop['shot']}"))
+            console.print(_line(shots[-1], waited_s=time.monotonic() - asked_s), highlight=False)
+        elif len(waiting) <= left:
+            break
+        elif time.monotonic() > ends_s:
+            raise Failure(f"drop {number} was still {drop['state']} after {_DROP_LIMIT_S:g} s.")
+        else:
+            time.sleep(_POLL_S)
+    return shots
 
 
 def fit_together(client: Connection, numbers: list[int], model: str, console: Console) -> Json:
