@@ -8,7 +8,12 @@ from pathlib import Path
 import pytest
 
 from analysis.diagnosing import diagnose
-from analysis.diagnosis.procedure import _base, _effect_leads, diagnose_campaign
+from analysis.diagnosis.procedure import (
+    _base,
+    _effect_leads,
+    _mixed_base,
+    diagnose_campaign,
+)
 from analysis.diagnosis.progress import Watch
 from drivers.simulated.effects import make_effect
 
@@ -44,6 +49,28 @@ def test_the_laws_that_a_drawn_rig_leaves_out_are_found(
     document = diagnose(campaign_with(tmp_path, (), "drawn", seed))
     assert (document["verdict"], document["before"]["model"]) == ("adequate", base)
     assert f"obey {base} rather than" in document["sentence"]
+
+
+@pytest.mark.parametrize(
+    ("seed", "base"),
+    [
+        (14, "kv2-coupon"),
+        (39, "kv2-coupon"),
+        (6, "kv2-force_end"),
+        (4, None),
+        (2, None),
+        (13, None),
+    ],
+)
+def test_another_law_of_loss_does_not_hide_what_else_is_left_out(
+    tmp_path: Path, seed: int, base: str | None
+) -> None:
+    """Rigs with Hunt and Crossley's loss, or Kuwabara and Kono's; the last three obey all laws.
+
+    Hunt and Crossley's force ends with the indentation: where a contact ends makes no difference.
+    """
+    whole = campaign_with(tmp_path, (), "drawn", seed)
+    assert _mixed_base(_base(whole, "kv2", Watch())[0].last) == base
 
 
 @pytest.mark.slow
