@@ -36,6 +36,19 @@ def test_links_lead_somewhere(document: str) -> None:
             assert ((ROOT / document).parent / target).exists(), f"{document} links to {target}"
 
 
+def test_the_top_folder_holds_nothing_else() -> None:
+    """The packages, settings, tests, units and the project's own files; no file left by a trial."""
+    listed = subprocess.run(
+        ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False, timeout=30
+    )
+    if listed.returncode:
+        pytest.skip("this is no checkout")
+    top = {name.partition("/")[0] for name in listed.stdout.splitlines()}
+    folders = {"analysis", "config", "drivers", "impactd", "systemd", "tests"}
+    files = {"CHANGELOG.md", "LICENSE", "Makefile", "README.md", "pyproject.toml"}
+    assert {name for name in top if not name.startswith(".")} == folders | files
+
+
 @pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
 @pytest.mark.parametrize("line", [line for line in LINES if line.startswith("make ")])
 def test_make_knows_each_target(line: str) -> None:
