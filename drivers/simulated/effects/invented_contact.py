@@ -13,7 +13,7 @@ from drivers.simulated.electronics import Memoryless, StateSpaceStage
 from drivers.simulated.impact import ContactTerm, Mechanics
 from drivers.simulated.impact_kernel import FILM, POWER, RATE_POWER, SECOND_SPOT, SNAP, SOFT_TOE
 
-TIP_INDENTATION_M = 1e-5
+TIP_INDENTATION_M = 1e-5  # d1, a usual indentation: there the exponent changes nothing
 
 
 class ConicalTip(Effect):
@@ -100,7 +100,7 @@ class HardSkin(Effect):
         mechanics.terms.append(ContactTerm(SOFT_TOE, values))
 
 
-INNER_DAMPING_RATIO = 0.03
+INNER_DAMPING_RATIO = 0.03  # a choice: falls to 1/e in five periods
 
 
 class InnerMass(Effect):
@@ -302,7 +302,7 @@ class SnapThrough(Effect):
         mechanics.terms.append(ContactTerm(SNAP, (self.values["share"], depth, depth / 3.0)))
 
 
-STIFFENING_SPEED_M_PER_S = 0.77
+STIFFENING_SPEED_M_PER_S = 0.77  # v1, after a fall of 30 mm
 
 
 class SpeedStiffening(Effect):

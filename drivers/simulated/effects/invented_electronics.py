@@ -135,7 +135,7 @@ class ContactCharge(Effect):
         return None if v["amplitude_v"] == 0.0 else _Charge(v["amplitude_v"], v["leak_s"])
 
 
-FEEDTHROUGH_END_HZ = 5e5
+FEEDTHROUGH_END_HZ = 5e5  # half the sample rate
 
 
 class Feedthrough(Effect):
@@ -219,7 +219,7 @@ class GainDrift(Effect):
         return Gain(1.0 + self.values["final_change"] * settled)
 
 
-SAMPLE_PERIOD_S = 1e-6
+SAMPLE_PERIOD_S = 1e-6  # of a converter at 1 MHz
 
 
 class _Turns(Memoryless):

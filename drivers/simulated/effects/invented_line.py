@@ -41,8 +41,8 @@ class AdcNonlinearity(Effect):
 
 
 GRAVITY_M_PER_S2 = 9.80665  # only says when it lands
-SPHERE_RADIUS_M = 4e-3
-CHARGE_TURNS_WITHIN_S = 2e-5
+SPHERE_RADIUS_M = 4e-3  # R, as the spheres have it
+CHARGE_TURNS_WITHIN_S = 2e-5  # a choice: short beside a contact
 
 
 class ChargedSphere(Effect):
@@ -75,7 +75,7 @@ class ChargedSphere(Effect):
         return np.asarray(size * near * (1.0 - self.values["left_share"] * left))
 
 
-SPIKE_DECAY_S = 3e-6
+SPIKE_DECAY_S = 3e-6  # tau, a choice: a few samples
 SPIKE_FOLLOWED = 10.0  # times the decay
 
 
@@ -212,7 +212,7 @@ class StuckBit(Effect):
         return np.arange(65536, dtype=np.uint16) | np.uint16(1 << bit)
 
 
-WALK_SCALE_S = 1e-3
+WALK_SCALE_S = 1e-3  # in which it walks by a
 
 
 class WanderingBaseline(Effect):

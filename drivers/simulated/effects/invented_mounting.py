@@ -12,7 +12,7 @@ from drivers.simulated.electronics import Memoryless
 from drivers.simulated.impact import Mechanics
 
 LID_SHARE = 0.02  # of the coupon's mass
-LID_DAMPING_RATIO = 0.05
+LID_DAMPING_RATIO = 0.05  # as polymers have it
 LID_FIRM_M_PER_N = 2e-10  # below it the lid is as good as glued
 
 
@@ -45,7 +45,7 @@ class AirBubble(Effect):
         mechanics.layer_damping_n_s_per_m = 2.0 * LID_DAMPING_RATIO * math.sqrt(lid / compliance)
 
 
-SEAT_COMPRESSION_M = 1e-7
+SEAT_COMPRESSION_M = 1e-7  # D1, under 40 N on the paper's crystal
 
 
 class HardeningSeat(Effect):
@@ -65,9 +65,9 @@ class HardeningSeat(Effect):
         mechanics.cell_hardening_per_m = self.values["hardening"] / SEAT_COMPRESSION_M
 
 
-HOP_AREA_V_S = 1e-4
-THUMP_S = 2e-4
-HOP_LEAST_PEAK_V = 1e-4
+HOP_AREA_V_S = 1e-4  # J1, of 1 V for 0.1 ms
+THUMP_S = 2e-4  # a choice: four periods of the crystal
+HOP_LEAST_PEAK_V = 1e-4  # what is fainter is no hit
 
 
 class _Hops:
@@ -164,8 +164,8 @@ class LooseningSeat(Effect):
         mechanics.cell_stiffness_n_per_m *= 1.0 - self.values["final_loss"] * settled
 
 
-STRETCHED_STIFFNESS_RATIO = 0.2
-SCREW_DAMPING_RATIO = 0.03
+STRETCHED_STIFFNESS_RATIO = 0.2  # a choice
+SCREW_DAMPING_RATIO = 0.03  # a choice: falls to 1/e in five periods
 
 
 class RattlingScrew(Effect):
@@ -210,7 +210,7 @@ class RubbingCoupon(Effect):
         mechanics.rubbing_n = self.values["friction_n"]
 
 
-JOINT = 0.02
+RIM_JOINT = 0.02  # of V_c, over which the two slopes join
 
 
 class _Rim(Memoryless):
@@ -218,7 +218,7 @@ class _Rim(Memoryless):
         self._share, self._begins_v = share, begins_v
 
     def process(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
-        joint_v = JOINT * self._begins_v
+        joint_v = RIM_JOINT * self._begins_v
         beyond = joint_v * np.logaddexp(0.0, (volts - self._begins_v) / joint_v)
         return np.asarray(volts - self._share * beyond)
 
@@ -272,7 +272,7 @@ class SlippingCoupon(Effect):
         mechanics.cell_mass_kg *= 1.0 + self.values["mass_share"] * steps
 
 
-TAPE_DAMPING_RATIO = 0.1
+TAPE_DAMPING_RATIO = 0.1  # as soft polymers have it
 TAPED_MASS_KG = 4e-3  # of the coupon that the damping ratio is meant for
 
 

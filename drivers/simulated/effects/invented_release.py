@@ -69,7 +69,7 @@ class DraggedRelease(Effect):
         shot.drop_height_m = max(shot.drop_height_m - loss, LEAST_HEIGHT_M)
 
 
-PINION_LEAST_SHARE = 0.1
+PINION_LEAST_SHARE = 0.1  # of the height, which stays above the coupon
 
 
 class EccentricPinion(Effect):
@@ -94,7 +94,7 @@ class EccentricPinion(Effect):
         shot.drop_height_m = max(h + error, PINION_LEAST_SHARE * h)
 
 
-STAND_LEAST_FACTOR = 0.1
+STAND_LEAST_FACTOR = 0.1  # of the speed: the sphere still falls
 
 
 class RecoilingStand(Effect):
@@ -122,7 +122,7 @@ class RecoilingStand(Effect):
         shot.speed_factor *= max(1.0 + upward / (GRAVITY_M_PER_S2 * fall_s), STAND_LEAST_FACTOR)
 
 
-CLAMP_LEAST_HEIGHT_M = 1e-3
+CLAMP_LEAST_HEIGHT_M = 1e-3  # below it no drop was asked for
 
 
 class SlippingClamp(Effect):
