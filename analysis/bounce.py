@@ -31,7 +31,8 @@ LARGEST_RATIO = 1.05
 AIR_RELATIVE_U = 5e-4
 """Buoyancy and drag on a polymer sphere of some millimetres at 1 m/s, neither corrected."""
 TRIGGERED_S = 5e-3
-"""A trigger that the impact set off comes at most so long before its largest swing."""
+"""A trigger that the impact set off comes at most so long before its largest swing. Derived: half a
+period of a structure that rings at 100 Hz."""
 SHORTEST_CONTACT_S = 12e-6
 """Derived: a steel sphere of 2 mm radius stays so long on steel at 2 m/s (Hertz); what is shorter
 is a spike."""
@@ -59,10 +60,21 @@ def _block_ranges(signal: NDArray[np.float64], block: int) -> NDArray[np.float64
     return np.asarray(whole.max(axis=1) - whole.min(axis=1))
 
 
-def _candidates(ranges: NDArray[np.float64], before: int, floor: float) -> list[int]:
-    """Return blocks that rise above the floor and above what was there just before."""
+def _blocks(rate: float) -> tuple[int, int]:
+    """Return the samples of a block, and how many blocks an onset stands out from."""
+    block = max(8, round(BLOCK_S * rate))
+    return block, max(3, round(QUIET_BEFORE_S * rate / block))
+
+
+def _candidates(
+    ranges: NDArray[np.float64], before: int, floor: float, *, first: int = 0
+) -> list[int]:
+    """Return blocks that rise above the floor and above what was there just before.
+
+    From the block ``first`` on.
+    """
     found = []
-    for i in np.flatnonzero(ranges > floor):
+    for i in first + np.flatnonzero(ranges[first:] > floor):
         # the block before the loud one may hold the pulse's foot, so it does not count
         earlier = ranges[max(0, i - before) : max(0, i - 1)]
         if earlier.size and ranges[i] < STEP_UP * float(earlier.max()):
@@ -92,6 +104,14 @@ def _landing(
     return Landing(start + onset, height, end - onset + 1)
 
 
+def _landing_at(
+    signal: NDArray[np.float64], i: int, block: int, rate: float, polarity: int
+) -> Landing | None:
+    """Return the pulse that begins in or around a block, as `_landing` does."""
+    start, stop = max(0, (i - 1) * block), min(signal.size, (i + 3) * block)
+    return _landing(signal, start, stop, rate, polarity)
+
+
 def _first_polarity(signal: NDArray[np.float64], trigger: int, reach: int) -> int:
     level = float(np.median(signal[max(0, trigger - 20 * reach) : max(1, trigger - reach)]))
     near = signal[max(0, trigger - reach) : trigger + 8 * reach] - level
@@ -110,7 +130,7 @@ def landings(
     that of the millisecond before it, so a falling ring, hum and drift are none. Validation:
     synthetic records with ring, hum, 1/f noise and spikes in ``tests/analysis/test_bounce.py``.
     """
-    block = max(8, round(BLOCK_S * sample_rate_hz))
+    block, before = _blocks(sample_rate_hz)
     if signal.size < 2 * block or not 0 <= trigger_index < signal.size:
         return ()
     polarity = _first_polarity(signal, trigger_index, block)
@@ -126,49 +146,43 @@ def landings(
     ranges = _block_ranges(signal, block)
     # nine tenths of a record are quiet; a ring of two milliseconds follows each landing
     floor = max(1.8 * float(np.quantile(ranges, 0.8)), SMALLEST_SHARE * first.height)
-    before = max(3, round(QUIET_BEFORE_S * sample_rate_hz / block))
     found = [first]
     shortest = SHORTEST_FLIGHT_S * sample_rate_hz
     for i in _candidates(ranges, before, floor):
-        start, stop = max(0, (i - 1) * block), min(signal.size, (i + 3) * block)
-        if start - found[-1].onset_index < shortest:
+        if max(0, (i - 1) * block) - found[-1].onset_index < shortest:
             continue
-        landing = _landing(signal, start, stop, sample_rate_hz, polarity)
+        landing = _landing_at(signal, i, block, sample_rate_hz, polarity)
         if landing is not None and landing.height >= SMALLEST_SHARE * first.height:
             found.append(landing)
     return tuple(found)
 
 
-def first_impact(
-    signal: NDArray[np.float64], sample_rate_hz: float, trigger_index: int
-) -> int:
+def first_impact(signal: NDArray[np.float64], sample_rate_hz: float, trigger_index: int) -> int:
     """Return the onset of the impact where something else set off the trigger earlier.
 
     Where nothing near the trigger is an onset, drift or a spike set it off. A sphere's first impact
     is its hardest: it is the hardest onset that comes later. ``trigger_index`` where none stands
     out from all that is near the trigger.
     """
-    block = max(8, round(BLOCK_S * sample_rate_hz))
+    block, before = _blocks(sample_rate_hz)
     ranges = _block_ranges(signal, block)
     first = max(0, trigger_index // block - 2)
     after = math.ceil((trigger_index + TRIGGERED_S * sample_rate_hz) / block) + 1
     near = ranges[first:after]
     if not near.size:
         return trigger_index
-    onsets = _candidates(ranges, max(3, round(QUIET_BEFORE_S * sample_rate_hz / block)), 0.0)
 
     def contact(i: int) -> Landing | None:
         """Return the pulse that begins at a block, None for a spike."""
-        start, stop = max(0, (i - 1) * block), min(signal.size, (i + 3) * block)
         polarity = _first_polarity(signal, i * block, block)
-        found = _landing(signal, start, stop, sample_rate_hz, polarity)
+        found = _landing_at(signal, i, block, sample_rate_hz, polarity)
         shortest = SHORTEST_CONTACT_S * sample_rate_hz
         return None if found is None or found.width_samples < shortest else found
 
-    if any(contact(i) for i in onsets if first <= i < after):
+    if any(contact(i) for i in _candidates(ranges[:after], before, 0.0, first=first)):
         return trigger_index
-    floor = STEP_UP * float(near.max())
-    later = [one for i in onsets if i >= after and ranges[i] > floor and (one := contact(i))]
+    harder = _candidates(ranges, before, STEP_UP * float(near.max()), first=after)
+    later = [one for i in harder if (one := contact(i))]
     return max(later, key=lambda one: one.height).onset_index if later else trigger_index
 
 

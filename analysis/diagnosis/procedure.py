@@ -78,7 +78,7 @@ SLOT = "electronics"
 RECORD = "record"
 """The slot of what was written down wrong, or changed under way."""
 LOSS_LAW = "loss_law"
-"""The effect that is another law of loss."""
+"""Id of the effect that is another law of loss than the base's."""
 STEP_SHARE = 0.75
 """Solver errors of 4e-6 of the peak, the same in every model that is compared."""
 MOST_STEPS = 3000.0
@@ -496,8 +496,7 @@ def _mixed_base(default: Step) -> str | None:
     Asked of shots that stand for all, where these leave more than noise. The default's fit to all
     is known, and begins there: from its start it may end elsewhere than on all.
 
-    Where none does, each is asked with another law of loss, which hides what else is not obeyed:
-    first on the few shots that differ most, then as above.
+    Where none is taken, `_beside_another_loss` asks again.
     """
     problem = default.problem
     places = thinned(problem, FEW)
@@ -507,23 +506,34 @@ def _mixed_base(default: Step) -> str | None:
         return None
     others = [one.base_name for one in MIXED]
     of_paper, *of_others = _beyond_noise(problem, places, [*RINGING_BASES[1:], *others])
-    of_ringing = min(of_default, of_paper)
+    of_ringing, least = min(of_default, of_paper), min(of_others)
     if of_ringing <= chance_of(samples):
         return None
-    if min(of_others) < CRITERIA.little * of_ringing:
-        return others[of_others.index(min(of_others))]
+    if least < CRITERIA.little * of_ringing:
+        return others[of_others.index(least)]
+    return _beside_another_loss(problem, places, of_ringing)
+
+
+def _beside_another_loss(problem: JointProblem, places: list[int], of_ringing: float) -> str | None:
+    """Return the mixed base that leaves next to nothing once it has another law of loss.
+
+    That law hides which laws of mechanics a rig obeys. The best of the ringing bases and of the
+    mixed ones, by the few shots that differ most, are compared on ``places``; ``of_ringing`` is
+    what the ringing bases leave there with their own law.
+    """
     loss = effect_named(LOSS_LAW)
     laws = [one.id for one in (loss, *loss.variants)]
     three, best = different(problem, FEWEST), []
-    for bases in (RINGING_BASES, others):
+    for bases in (RINGING_BASES, [one.base_name for one in MIXED]):
         names = [f"{base}+{law}" for base in bases for law in laws]
         left = _beyond_noise(problem, three, names)
         # of those that differ by chance the first, which leaves fewer laws out
-        least = min(left) + CRITERIA.least_lead
-        best.append(next(name for name, one in zip(names, left, strict=True) if one <= least))
-    of_ringing_too, of_best = _beyond_noise(problem, places, best)
-    of_ringing = min(of_ringing, of_ringing_too)
-    if of_ringing <= chance_of(samples) or of_best >= CRITERIA.little * of_ringing:
+        most = min(left) + CRITERIA.least_lead
+        best.append(next(name for name, one in zip(names, left, strict=True) if one <= most))
+    with_loss, mixed = _beyond_noise(problem, places, best)
+    of_ringing = min(of_ringing, with_loss)
+    samples = sum(problem.shots[at].data for at in places)
+    if of_ringing <= chance_of(samples) or mixed >= CRITERIA.little * of_ringing:
         return None
     return best[1].partition("+")[0]
 

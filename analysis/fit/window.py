@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.bounce import TRIGGERED_S
 from analysis.campaign import Shot
 from analysis.errors import ShotRejectedError
 from analysis.hidden_noise import CODES_OF_COARSE
@@ -121,7 +122,7 @@ def _first_swing(x: NDArray[np.float64], largest: int, noise: float) -> int:
 def _first_pulse(shot: Shot, *, strict: bool = False) -> _Pulse:
     """Return the pulse nearest after the trigger; ``strict`` as `pulse_samples` has it."""
     x = shot.signal
-    search = max(64, int(5e-3 * shot.sample_rate_hz))
+    search = max(64, int(TRIGGERED_S * shot.sample_rate_hz))
     low = max(0, shot.trigger_index - search // 4)
     high = min(x.size, shot.trigger_index + search)
     quiet = x[max(0, low - 2000) : max(1, shot.trigger_index - 8)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import asdict, dataclass, field, fields
 
+from analysis.diagnosis.procedure import LOSS_LAW
 from analysis.diagnosis.progress import MethodStep
 from drivers.simulated.campaign import simulate_campaign
 from drivers.simulated.impact import IntegrationError
@@ -19,8 +20,6 @@ from impactd.diagnosis.run import diagnose
 
 RECORD_SLOT = "record"
 """Slot of what people did wrong: neither physics nor electronics, but what is written down."""
-LOSS_LAW = "loss_law"
-"""Id of the effect that names another law of loss than the analysis' base has."""
 NAMED = ("identified", "family")
 NOT_SIMULATED = "not_simulated"
 """Instead of a verdict, where the simulator cannot integrate what was drawn: nothing to judge."""
