@@ -116,15 +116,15 @@ def wait_until_ready(limit_s: float) -> Talk[Json]:
         yield Pause(POLL_S)
 
 
+def drop_has_ended(drop: Json) -> bool:
+    """Return whether nothing more comes of a drop."""
+    # A stored drop with a problem could not be analysed.
+    return drop["state"] in DROP_ENDED or (drop["state"] == "stored" and bool(drop["problem"]))
+
+
 def watch_drop(number: int, tell: Tell) -> Talk[Json]:
     """Return a drop once nothing more comes of it."""
-
-    def ended(drop: Json) -> bool:
-        """Return whether nothing more comes."""
-        # A stored drop with a problem could not be analysed.
-        return drop["state"] in DROP_ENDED or (drop["state"] == "stored" and bool(drop["problem"]))
-
-    return (yield from wait(f"/v1/drops/{number}", ended, _named(f"drop {number}", tell)))
+    return (yield from wait(f"/v1/drops/{number}", drop_has_ended, _named(f"drop {number}", tell)))
 
 
 def compared_shot(number: int) -> Talk[Json]:

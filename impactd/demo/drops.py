@@ -12,7 +12,7 @@ from analysis.base_models import DEFAULT_BASE
 from analysis.written_numbers import measured
 from impactd.aliases import Json
 from impactd.client.connection import Connection
-from impactd.client.talk import fresh_key
+from impactd.client.talk import DROP_ENDED, drop_has_ended, fresh_key
 from impactd.console.failure import Failure
 
 SPHERES = ("acetal", "acetal_small", "hdpe")
@@ -30,7 +30,6 @@ NEARLY, LOWERED = 0.99, 0.6
 _POLL_S = 0.03
 _DROP_LIMIT_S = 60.0
 _FIT_LIMIT_S = 600.0
-_ENDED = ("analysed", "failed", "aborted", "interrupted")
 
 
 def plan() -> list[tuple[str, str, float]]:
@@ -148,12 +147,12 @@ def overloaded(shot: Json, range_v: float) -> bool:
 
 
 def _drop(client: Connection, console: Console, sphere: str, surface: str, height_m: float) -> Json:
-    """Make one drop and return it once its shot is stored."""
+    """Make one drop, and return it once its shot is stored."""
     body = {"sphere": sphere, "surface": surface, "drop_height_m": height_m, "operator": "demo"}
     number = client.send("POST", "/v1/drops", body, key=fresh_key())["number"]
     what = f"{sphere} on {surface} from {height_m * 1e3:g} mm"
     with console.status(f"{what} ...") as status:
-        for drop in until(client, f"/v1/drops/{number}", ("stored", *_ENDED), _DROP_LIMIT_S):
+        for drop in until(client, f"/v1/drops/{number}", ("stored", *DROP_ENDED), _DROP_LIMIT_S):
             status.update(f"{what}: {drop['state']}")
     if not drop["shot"]:
         problem = drop["problem"] or {"detail": f"it is {drop['state']}", "remedy": ""}
@@ -173,7 +172,7 @@ def _analysed(
     while waiting:
         number, asked_s = waiting[0]
         drop = client.get(f"/v1/drops/{number}")
-        if drop["state"] in _ENDED or (drop["state"] == "stored" and drop["problem"]):
+        if drop_has_ended(drop):
             waiting.popleft()
             shots.append(client.get(f"/v1/shots/{drop['shot']}"))
             console.print(_line(shots[-1], waited_s=time.monotonic() - asked_s), highlight=False)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from drivers.simulated.effects import EFFECTS
+from drivers.simulated.effects import EFFECTS, make_effect
 from impactd.console.failure import Failure
 from impactd.demo.drops import plan
 from impactd.demo.rig_process import (
@@ -39,12 +40,15 @@ def test_settings_differ_from_the_shipped_rig_only_where_they_must(tmp_path: Pat
 
 def test_hum_as_large_as_any_that_is_drawn_lets_spheres_fall(tmp_path: Path) -> None:
     """Before a drop nothing may come near the trigger, and the noise has a limit."""
-    hum = EFFECTS["mains_hum"]
     write_settings(tmp_path / "rig.toml", seed=77, effect="mains_hum")
     ours = load_settings(tmp_path / "rig.toml")
-    largest = next(p.high for p in hum.parameters if p.name == "amplitude_v")
-    assert largest < ours.trigger.level_v - ours.trigger.hysteresis_v
-    assert largest / 2**0.5 < ours.preflight.noise_max_v
+    largest = next(p.high for p in EFFECTS["mains_hum"].parameters if p.name == "amplitude_v")
+    for harmonics in (1.0, 2.0, 3.0, 4.0):
+        values = {"amplitude_v": largest, "frequency_hz": 50.0, "harmonics": harmonics}
+        hum_v = make_effect("mains_hum", values).ambient(np.arange(0.0, 0.02, 1e-5))
+        assert hum_v is not None
+        assert np.abs(hum_v).max() < ours.trigger.level_v - ours.trigger.hysteresis_v
+        assert np.std(hum_v) < ours.preflight.noise_max_v
 
 
 def test_the_drawers_hold_what_is_dropped_as_it_is_shipped(tmp_path: Path) -> None:
