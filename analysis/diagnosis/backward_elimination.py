@@ -17,6 +17,7 @@ from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forms import forms_as_good
 from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.one_material import MOST_STEPS
+from analysis.diagnosis.progress import unwatched
 from analysis.diagnosis.selection import OpenNames, Selection, Step
 from analysis.diagnosis.successive_halving import (
     MORE,
@@ -201,6 +202,25 @@ def _as_last(selection: Selection, taken: Refit) -> Selection | None:
     gain = shorter.fitted.cost - last.fitted.cost
     moved = dataclasses.replace(taken, gain=gain, problem=last.problem, fitted=last.fitted)
     return Selection([*selection.steps[: len(others)], shorter, last], [*others, moved])
+
+
+def steps_in_order(selection: Selection) -> list[Step]:
+    """Return a selection's steps, each with the effects that were chosen up to it and no other.
+
+    Of three effects that were asked again in another order, an earlier step still has those of the
+    old one: it is fitted again, whatever the time. It stays where that cannot be.
+    """
+    found = [selection.last]
+    pairs = zip(reversed(selection.steps[1:-1]), reversed(selection.chosen), strict=False)
+    for step, taken in pairs:
+        ahead = found[0].problem.model.effects
+        rest = {e.id for e in ahead if e.id != taken.effect.id}
+        if {e.id for e in step.problem.model.effects} != rest:
+            untimed = Step(unwatched(found[0].problem), found[0].fitted)
+            found.insert(0, _reduced(untimed, taken.effect) or step)
+        else:
+            found.insert(0, step)
+    return [*selection.steps[:1], *found] if selection.chosen else found
 
 
 def _reduced(step: Step, dropped: Effect) -> Step | None:

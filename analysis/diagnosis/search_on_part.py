@@ -17,6 +17,7 @@ from analysis.diagnosis.backward_elimination import (
     held_against_others,
     not_held_against,
     revised,
+    steps_in_order,
 )
 from analysis.diagnosis.candidate import Refit, continued, refitted
 from analysis.diagnosis.forward_selection import searched, try_effects, useful
@@ -200,14 +201,15 @@ def _on_all_shots(
     """
     last = len(found.chosen) - 1
     selection = Selection(list(start.steps), list(start.chosen), left_open)
+    in_order = steps_in_order(found)
     for at in range(len(start.chosen), len(found.chosen) + 1):
         part, step = found.steps[at], selection.last
-        carried = _Carried(places, part, step)
+        carried = _Carried(places, in_order[at], step)
         names = left_open.get(found.chosen[at].effect_id, ()) if at == last else ()
         near = [one for one in part.refits if one.effect_id in names]
         _fill_in(step, part, places, list(step.problem.each(carried.to_its_end, near)))
         if at <= last:
-            after = found.steps[at + 1]
+            after = in_order[at + 1]
             taken = carried.on_all_shots(
                 dataclasses.replace(found.chosen[at], problem=after.problem, fitted=after.fitted)
             )

@@ -7,7 +7,7 @@ import dataclasses
 import pytest
 
 from analysis.diagnosis import backward_elimination
-from analysis.diagnosis.backward_elimination import revised, without_needless
+from analysis.diagnosis.backward_elimination import revised, steps_in_order, without_needless
 from analysis.diagnosis.basis.proposals import rescoped
 from analysis.diagnosis.candidate import Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
@@ -116,3 +116,18 @@ def test_an_effect_goes_where_the_others_leave_noise_without_it(
     monkeypatch.setattr(backward_elimination, "CRITERIA", ever_ahead)
     left = {c.effect_id for c in without_needless(three).chosen}
     assert left == {"amplifier_lowpass", "hunt_crossley_damping"}
+
+
+def test_an_earlier_step_with_the_effects_of_an_old_order_is_fitted_again(base: Selection) -> None:
+    """The first of three steps has the effect that was chosen second."""
+    slow, loss = effect_named("amplifier_lowpass"), effect_named("hunt_crossley_damping")
+    two = _with(_with(base, slow, CUTOFF_HZ), rescoped(loss, "rig"), LOSS_S_PER_M)
+    three = _with(two, effect_named("sensor_nonlinearity"), 1e-4)
+    old = _with(base, rescoped(loss, "rig"), LOSS_S_PER_M).last
+    start, first, *rest = steps_in_order(
+        Selection([three.steps[0], old, *three.steps[2:]], three.chosen)
+    )
+    assert [e.id for e in first.problem.model.effects] == ["amplifier_lowpass"]
+    assert first.fitted.cost == pytest.approx(three.steps[1].fitted.cost, rel=1e-6)
+    assert [start, *rest] == [three.steps[0], *three.steps[2:]]
+    assert steps_in_order(three) == three.steps
