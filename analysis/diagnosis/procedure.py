@@ -18,6 +18,14 @@ from analysis.diagnosis.backward_elimination import (
     held_against_others,
     not_held_against,
 )
+from analysis.diagnosis.base_choice import (
+    FIRST_LOOK,
+    base_beside_effect,
+    effect_leads,
+    fitted_base,
+    mixed_base,
+    stated,
+)
 from analysis.diagnosis.candidate import Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.each_alone import is_inside_shots
@@ -39,23 +47,16 @@ from analysis.diagnosis.progress import (
     Watch,
     unwatched,
 )
-from analysis.diagnosis.score_test import chance_of
 from analysis.diagnosis.search_on_part import (
-    best_on_part,
     left_open_on_part,
     no_effect_explains_part,
     searched_on_part,
 )
 from analysis.diagnosis.selection import OpenNames, Selection, Step
 from analysis.diagnosis.successive_halving import (
-    FEW,
-    FEWEST,
     PresentModel,
-    different,
     leaves_noise,
-    part_of,
     rank,
-    thinned,
 )
 from analysis.diagnosis.uncertain_numbers import (
     exact_refit,
@@ -70,25 +71,12 @@ from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import JointProblem, build
 from analysis.fit.start import with_start
 from analysis.model import solver
-from analysis.model.impact_model import MIXED, ImpactModel, model_named
 from analysis.undetermined import tells_no_modulus
 
 SLOT = "electronics"
 """Where what is on the line all the time gets in."""
 RECORD = "record"
 """The slot of what was written down wrong, or changed under way."""
-LOSS_LAW = "loss_law"
-"""Id of the effect that is another law of loss than the base's."""
-STEP_SHARE = 0.75
-"""Solver errors of 4e-6 of the peak, the same in every model that is compared."""
-MOST_STEPS = 3000.0
-"""Of the solver, for an effect. Derived: it then swings 560 radians in a contact, and moves against
-what it sits on by 3e-6 of what its inertia asks for; a stiffer one cannot be told from a rigid one.
-Measured: fits to tapes that ran further, to none in the end, took two thirds of all their time."""
-FIRST_LOOK = 20
-"""Steps of a fit of the other base. Measured on 20 campaigns of the paper's rigs: theirs
-ends within 10 in 16, after 18 beside a ceiling, and later only where the closed one is nearer or
-neither comes near. On 6 closed rigs it creeps on for 52 to 120."""
 
 
 @dataclass(frozen=True)
@@ -161,12 +149,6 @@ class Diagnosis:
         return [*near, *(o for o in self.open_names.get(effect_id, []) if o not in near)]
 
 
-def _without_restitution(campaign: Campaign) -> Campaign:
-    """Return the campaign without stated rebounds: a trace tells its own loss better."""
-    shots = tuple(dataclasses.replace(s, restitution=None) for s in campaign.shots)
-    return dataclasses.replace(campaign, shots=shots)
-
-
 def diagnose_campaign(
     campaign: Campaign,
     base: str | None = None,
@@ -193,7 +175,7 @@ def diagnose_campaign(
 
 def _found(campaign: Campaign, base: str | None, told: Watch) -> Diagnosis:
     """Return the verdict, and what it rests on."""
-    selection, usual = _base(campaign, base or DEFAULT_BASE, told)
+    selection, usual = fitted_base(campaign, base or DEFAULT_BASE, told)
     reasons = _OtherReasons(selection.last, usual, told)
     if base is None and not selection.adequate:
         with contextlib.suppress(BudgetSpentError):
@@ -232,15 +214,35 @@ def _found(campaign: Campaign, base: str | None, told: Watch) -> Diagnosis:
             mistaken = _mistaken(selection, free, reasons)
             if mistaken is not None:
                 return _beside(seen, mistaken)
-    if not found.adequate:
-        found = searched_on_part(found, usual_of_rest, told)
-        if not found.adequate:
-            with contextlib.suppress(BudgetSpentError):
-                both = _effect_and_mistake(rest, found, told)
-                if both is not None:
-                    return dataclasses.replace(_beside(seen, both), set_aside=set_aside)
-    judged = _but_for_the_line(found, rest, seen) or _judge(found, rest, usual_of_rest, told)
+    may_differ = base is None and rest is selection
+    begin = _on_obeyed_base(campaign, rest, found, usual_of_rest, told) if may_differ else None
+    rest, found, usual_of_rest = begin or (rest, found, usual_of_rest)
+    judged = _searched(rest, found, usual_of_rest, seen, told)
     return dataclasses.replace(_beside(seen, judged), set_aside=set_aside)
+
+
+def _on_obeyed_base(
+    campaign: Campaign, start: Selection, found: Selection, usual: joint.Fitted, told: Watch
+) -> tuple[Selection, Selection, joint.Fitted] | None:
+    """Return where the search begins if an effect hid which base the records obey, else None."""
+    hidden = start.last.problem.model.base_name in RINGING_BASES and not start.chosen
+    with contextlib.suppress(BudgetSpentError):
+        return base_beside_effect(campaign, (found, usual), told) if hidden else None
+    return None
+
+
+def _searched(
+    start: Selection, found: Selection, usual: joint.Fitted, seen: Background, told: Watch
+) -> Diagnosis:
+    """Return the verdict after the search for effects; ``found`` is what it begins with."""
+    if not found.adequate:
+        found = searched_on_part(found, usual, told)
+    if not found.adequate:
+        with contextlib.suppress(BudgetSpentError):
+            both = _effect_and_mistake(start, found, told)
+            if both is not None:
+                return both
+    return _but_for_the_line(found, start, seen) or _judge(found, start, usual, told)
 
 
 def _but_for_the_line(found: Selection, start: Selection, seen: Background) -> Diagnosis | None:
@@ -419,31 +421,9 @@ def _without_odd_shots(
     return Selection([*selection.steps[:-1], rest.step], selection.chosen), usual, rest.set_aside
 
 
-def _base_model(name: str) -> ImpactModel:
-    return dataclasses.replace(model_named(name), step_share=STEP_SHARE, most_steps=MOST_STEPS)
-
-
-def _base(campaign: Campaign, base: str, told: Watch) -> tuple[Selection, joint.Fitted]:
-    """Return the base model fitted to all shots, and where it would be without a record.
-
-    What is fitted on top of it ends when the time is over; it does not.
-    """
-    told(MethodStep.NOISE.told("from the stretches before the trigger"), 0.0)
-    problem = _stated(campaign, base)
-    told(MethodStep.BASE_FIT.told(f"{base} on all shots"), 0.0)
-    problem, nuisances = with_start(problem)
-    fitted = fit_from_start(problem, nuisances)
-    told(MethodStep.STRUCTURE.told("or is the residual noise?"), 0.0)
-    return Selection([Step(told.over(problem), fitted)], []), usual_place(problem, nuisances)
-
-
-def _stated(campaign: Campaign, base: str) -> JointProblem:
-    return build(_without_restitution(campaign), _base_model(base))
-
-
 def _restated(campaign: Campaign, base: str, told: Watch) -> tuple[JointProblem, joint.Fitted]:
     """Return the base model fitted to a campaign that is stated otherwise."""
-    problem, nuisances = with_start(_stated(campaign, base))
+    problem, nuisances = with_start(stated(campaign, base))
     fitted = fit_from_start(problem, nuisances)
     return told.over(problem), fitted
 
@@ -456,103 +436,24 @@ def _obeyed_base(
     The default's, unless another leads by more than chance, where the noise is as wide as what that
     leaves: whatever else acts, closed rigs and the paper's were 5e5 squares apart and more. What
     leaves noise of most shots is obeyed by all, and the others have another reason. Before that the
-    bases between these two are asked (`_mixed_base`).
+    bases between these two are asked (`mixed_base`).
     """
-    mixed, usual, told = _mixed_base(selection.last), reasons.usual, reasons.told
+    mixed, usual, told = mixed_base(selection.last), reasons.usual, reasons.told
     if mixed is not None and not reasons.explain:
-        start = _base(campaign, mixed, told)
-        mimicked = not start[0].adequate and _effect_leads((selection, usual), start, told)
+        start = fitted_base(campaign, mixed, told)
+        mimicked = not start[0].adequate and effect_leads((selection, usual), start, told)
         return (selection, usual) if mimicked else start
     if 2 * count_as_noise(selection.last) > len(selection.last.problem.shots):
         return selection, usual
     for name in RINGING_BASES[1:]:
-        problem, nuisances = with_start(_stated(campaign, name))
+        problem, nuisances = with_start(stated(campaign, name))
         fitted = joint.fit(problem, nuisances, max_iterations=FIRST_LOOK)
         samples = sum(item.data for item in selection.last.problem.shots)
         least = CRITERIA.least_lead * max(1.0, fitted.cost / samples)
         leads = not fitted.failed and selection.last.fitted.cost - fitted.cost > least
         if leads and not reasons.explain:
-            selection, usual = _base(campaign, name, told)
+            selection, usual = fitted_base(campaign, name, told)
     return selection, usual
-
-
-def _effect_leads(
-    default: tuple[Selection, joint.Fitted], mixed: tuple[Selection, joint.Fitted], told: Watch
-) -> bool:
-    """Tell whether the records obey the default base and one effect, and no mixed base.
-
-    The effect leaves noise, and more evidence than the best one on top of the mixed base does.
-    """
-    told(MethodStep.CANDIDATES.told("do the records obey the closed base and one effect?"), 0.05)
-    leaves_noise, cost = best_on_part(*default, told)
-    return leaves_noise and best_on_part(*mixed, told)[1] - cost > CRITERIA.least_lead
-
-
-def _mixed_base(default: Step) -> str | None:
-    """Return the name of the default base without the laws that the records do not obey.
-
-    None where every such base leaves more than *little* of what the better of the default and the
-    paper's leaves beyond the noise: effects of a rig make some of them fit better too, but by less.
-    Asked of shots that stand for all, where these leave more than noise. The default's fit to all
-    is known, and begins there: from its start it may end elsewhere than on all.
-
-    Where none is taken, `_beside_another_loss` asks again.
-    """
-    problem = default.problem
-    places = thinned(problem, FEW)
-    samples = sum(problem.shots[at].data for at in places)
-    of_default = part_of(problem, default.fitted, places)[1].cost - samples
-    if of_default <= chance_of(samples):
-        return None
-    others = [one.base_name for one in MIXED]
-    of_paper, *of_others = _beyond_noise(problem, places, [*RINGING_BASES[1:], *others])
-    of_ringing, least = min(of_default, of_paper), min(of_others)
-    if of_ringing <= chance_of(samples):
-        return None
-    if least < CRITERIA.little * of_ringing:
-        return others[of_others.index(least)]
-    return _beside_another_loss(problem, places, of_ringing)
-
-
-def _beside_another_loss(problem: JointProblem, places: list[int], of_ringing: float) -> str | None:
-    """Return the mixed base that leaves next to nothing once it has another law of loss.
-
-    That law hides which laws of mechanics a rig obeys. The best of the ringing bases and of the
-    mixed ones, by the few shots that differ most, are compared on ``places``; ``of_ringing`` is
-    what the ringing bases leave there with their own law.
-    """
-    loss = effect_named(LOSS_LAW)
-    laws = [one.id for one in (loss, *loss.variants)]
-    three, best = different(problem, FEWEST), []
-    for bases in (RINGING_BASES, [one.base_name for one in MIXED]):
-        names = [f"{base}+{law}" for base in bases for law in laws]
-        left = _beyond_noise(problem, three, names)
-        # of those that differ by chance the first, which leaves fewer laws out
-        most = min(left) + CRITERIA.least_lead
-        best.append(next(name for name, one in zip(names, left, strict=True) if one <= most))
-    with_loss, mixed = _beyond_noise(problem, places, best)
-    of_ringing = min(of_ringing, with_loss)
-    samples = sum(problem.shots[at].data for at in places)
-    if of_ringing <= chance_of(samples) or mixed >= CRITERIA.little * of_ringing:
-        return None
-    return best[1].partition("+")[0]
-
-
-def _beyond_noise(problem: JointProblem, places: list[int], names: list[str]) -> list[float]:
-    """Return the squares that bases, or models, leave beyond the noise of some shots.
-
-    Infinite without a fit.
-    """
-    shots = tuple(problem.shots[at].shot for at in places)
-    some = dataclasses.replace(problem.campaign, shots=shots)
-
-    def beyond_noise(name: str) -> float:
-        """Return the squares that one leaves."""
-        part, nuisances = with_start(build(some, _base_model(name)))
-        fitted = joint.fit_to_compare(part, nuisances, max_iterations=FIRST_LOOK)
-        return fitted.cost - sum(item.data for item in part.shots)
-
-    return list(problem.each(beyond_noise, names))
 
 
 def _is_all(seen: Background, step: Step) -> bool:
@@ -597,7 +498,7 @@ def _crystal(
     effect, step = effect_named("crystal_dynamics"), selection.last
     ways: list[tuple[Refit, joint.Fitted]] = []
     for base in RINGING_BASES:
-        problem, nuisances = with_start(told.over(_stated(campaign, base)))
+        problem, nuisances = with_start(told.over(stated(campaign, base)))
         fitted = fit_from_start(problem, nuisances)
         count = len(problem.names) - len(step.problem.names)
         gain = step.fitted.cost - fitted.cost

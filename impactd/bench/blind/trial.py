@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import asdict, dataclass, field, fields
 
-from analysis.diagnosis.procedure import LOSS_LAW
+from analysis.diagnosis.base_choice import LOSS_LAW
 from analysis.diagnosis.progress import MethodStep
 from drivers.simulated.campaign import simulate_campaign
 from drivers.simulated.impact import IntegrationError

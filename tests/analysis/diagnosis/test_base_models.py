@@ -8,13 +8,15 @@ from pathlib import Path
 import pytest
 
 from analysis.diagnosing import diagnose
-from analysis.diagnosis.procedure import (
-    _base,
-    _effect_leads,
-    _mixed_base,
-    diagnose_campaign,
+from analysis.diagnosis.base_choice import (
+    base_beside_effect,
+    effect_leads,
+    fitted_base,
+    mixed_base,
 )
+from analysis.diagnosis.procedure import diagnose_campaign
 from analysis.diagnosis.progress import Watch
+from analysis.diagnosis.uncertain_numbers import with_uncertain_numbers
 from drivers.simulated.effects import make_effect
 
 from .conftest import campaign_with, small_campaign
@@ -70,7 +72,7 @@ def test_another_law_of_loss_does_not_hide_what_else_is_left_out(
     Hunt and Crossley's force ends with the indentation: where a contact ends makes no difference.
     """
     whole = campaign_with(tmp_path, (), "drawn", seed)
-    assert _mixed_base(_base(whole, "kv2", Watch())[0].last) == base
+    assert mixed_base(fitted_base(whole, "kv2", Watch())[0].last) == base
 
 
 @pytest.mark.slow
@@ -101,5 +103,22 @@ def test_an_effect_on_the_closed_base_is_held_against_a_mixed_one(
     """Beside the same coupler, the base that the rig obeys has more evidence."""
     coupler = make_effect("coupler_highpass", {"time_constant_s": 5e-3})
     whole = campaign_with(tmp_path, (coupler,), rig, seed)
-    default, other = (_base(whole, base, Watch()) for base in ("kv2", mixed))
-    assert _effect_leads(default, other, Watch()) == leads
+    default, other = (fitted_base(whole, base, Watch()) for base in ("kv2", mixed))
+    assert effect_leads(default, other, Watch()) == leads
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rig", "seed", "base"),
+    [("drawn", 42, "kv2-reaction"), ("drawn", 12, "kv2-coupon-force_end"), ("closed", 3, None)],
+)
+def test_an_effect_does_not_hide_which_laws_a_rig_obeys(
+    tmp_path: Path, rig: str, seed: int, base: str | None
+) -> None:
+    """Beside a hum of a tenth of the pulse no base stands out; with the hum fitted one does."""
+    hum = make_effect("mains_hum", {"amplitude_v": 0.3, "frequency_hz": 50.0, "harmonics": 2.0})
+    whole = campaign_with(tmp_path, (hum,), rig, seed)
+    selection, usual = fitted_base(whole, "kv2", Watch())
+    assert mixed_base(selection.last) is None
+    found = base_beside_effect(whole, (with_uncertain_numbers(selection), usual), Watch())
+    assert (found and found[0].last.problem.model.base_name) == base

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigvals
 
-from analysis.diagnosis.procedure import MOST_STEPS
+from analysis.diagnosis.base_choice import MOST_STEPS
 from analysis.effects.library import effect_named
 from analysis.model.impact_model import model_named
 from analysis.model.structure import Structure
