@@ -154,7 +154,7 @@ def base_beside_effect(
         return None
     tried = (last.on_part or last).refits
     likely = sorted((r for r in tried if r.effect_id != LOSS_LAW), key=lambda r: -r.gain)
-    name = next(filter(None, (_beside(last.problem, r) for r in likely[:EFFECTS_BESIDE])), None)
+    name = next(filter(None, map(_beside, likely[:EFFECTS_BESIDE])), None)
     if name is None:
         return None
     start, usual = fitted_base(campaign, name, told)
@@ -163,12 +163,13 @@ def base_beside_effect(
     return (start, other, usual) if obeyed else None
 
 
-def _beside(problem: JointProblem, effect: Refit) -> str | None:
+def _beside(effect: Refit) -> str | None:
     """Return the mixed base that leaves next to nothing of three shots once it has an effect.
 
     Next to nothing is *little* of what the ringing bases leave with the same effect; each with its
-    own loss or another.
+    own loss or another. The shots are some of those that the effect was fitted to.
     """
+    problem = effect.problem
     three = different(problem, FEWEST)
     losses = ["", *(f"+{law}" for law in _other_losses())]
     best = []

@@ -469,8 +469,8 @@ def _descend(problem: JointProblem, all_shots: _AllShots, begin: _Begin, steps: 
             return _nowhere(theta, nuisances)  # a shared number that no shot fixes
         own = np.array([p.own - p.back @ step for p in parts])
         promised = _promised_fall(problem, blocks, theta, step, own)
-        wide = (steps.tolerance * max(1.0, cost / samples)) ** 2
-        enough = min(wide, CREEP_SHARE * cost)
+        wide = steps.tolerance * max(1.0, cost / samples)
+        enough = min(wide, math.sqrt(CREEP_SHARE * cost)) ** 2  # a square of all costs overflows
         if promised < enough and (
             damping < NEARLY_FREE
             or promised_gain(problem, blocks, theta) < max(enough, STALLED_GAIN)

@@ -314,3 +314,12 @@ def test_a_pulse_that_has_left_its_window_stops_no_fit(made: tuple[Any, Campaign
     assert np.all(np.abs(lost.theta - whole.theta) < 2.0 * u)
     assert np.all(np.isinf(np.diag(joint.nuisance_covariance(problem, lost, 0))))
     assert np.all(np.isfinite(joint.nuisance_covariance(problem, lost, 1)))
+
+
+def test_squares_that_no_float_holds_once_more_stop_no_fit(made: tuple[Any, Campaign]) -> None:
+    """A start whose squares are some 1e180 ends as a fit, converged or not."""
+    problem, nuisances = with_start(build(made[1], model_named("kv")))
+    far = nuisances.copy()
+    far[:, problem.model.nuisances.index("baseline")] = 1e88
+    assert math.isfinite(total_cost(problem, problem.start, far))
+    assert joint.fit(problem, far, max_iterations=3).iterations > 0
