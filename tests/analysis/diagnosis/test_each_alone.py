@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from analysis.campaign import Campaign
+from analysis.diagnosis.base_choice import fitted_base
 from analysis.diagnosis.each_alone import is_inside_shots
-from analysis.diagnosis.procedure import _base
 from analysis.diagnosis.progress import Watch
 from drivers.simulated.effects import make_effect
 from tests.analysis.diagnosis.test_mistakes import (
@@ -30,7 +30,7 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
 
 def inside(whole: Campaign) -> bool:
     """Return what is said of a campaign, of which the base leaves more than noise."""
-    selection, usual = _base(whole, "kv2", Watch())
+    selection, usual = fitted_base(whole, "kv2", Watch())
     assert not selection.adequate
     return is_inside_shots(selection.last, usual)
 

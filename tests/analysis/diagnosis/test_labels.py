@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from analysis.campaign import Campaign, Shot
+from analysis.diagnosis.base_choice import fitted_base
 from analysis.diagnosis.labels import _put_right, likely_labels
 from analysis.diagnosis.mistakes import named_mistake
-from analysis.diagnosis.procedure import _base, _restated
+from analysis.diagnosis.procedure import _restated
 from analysis.diagnosis.progress import Watch
 from analysis.fit.problem import build
 from analysis.model.impact_model import model_named
@@ -63,7 +64,7 @@ def test_names_exchanged_are_found_and_put_right(clean: Campaign, side: str) -> 
     wrong = relabelled(clean, exchanged)
     assert near(wrong)[0] == f"the names {one} and {other} are exchanged in all shots"
     if side == "sphere":
-        step = _base(wrong, "kv2", Watch())[0].last
+        step = fitted_base(wrong, "kv2", Watch())[0].last
         found = named_mistake(step, lambda whole: _restated(whole, "kv2", Watch()), Watch())
         assert found is not None
         assert (found.best.id, found.best.kind) == ("wrong_label", "sphere")

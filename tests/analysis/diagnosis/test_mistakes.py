@@ -13,8 +13,9 @@ import pytest
 from analysis.campaign import Campaign, Quantity, Shot
 from analysis.diagnosing import diagnose
 from analysis.diagnosis import mistakes
+from analysis.diagnosis.base_choice import fitted_base
 from analysis.diagnosis.mistakes import Mistake, named_mistake
-from analysis.diagnosis.procedure import _base, _restated
+from analysis.diagnosis.procedure import _restated
 from analysis.diagnosis.progress import MethodStep, TimeBudget, Watch
 from analysis.diagnosis.search_on_part import no_effect_explains_part
 from analysis.diagnosis.selection import Step
@@ -44,7 +45,7 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
 
 def base_of(whole: Campaign) -> Step:
     """Return the base model fitted to a campaign."""
-    return _base(whole, "kv2", Watch())[0].last
+    return fitted_base(whole, "kv2", Watch())[0].last
 
 
 def with_mass(whole: Campaign, by: float) -> Campaign:
@@ -307,7 +308,7 @@ def test_names_are_asked_only_where_they_can_make_the_difference(
 @pytest.mark.slow
 def test_effects_are_compared_on_a_part_of_the_shots(clean: Campaign) -> None:
     """What the best of them leaves there, it leaves of all; what each explains is filled in."""
-    selection, usual = _base(with_mass(clean, 1.1), "kv2", Watch())
+    selection, usual = fitted_base(with_mass(clean, 1.1), "kv2", Watch())
     assert no_effect_explains_part(selection, usual, Watch())
     assert selection.last.compared
     assert selection.last.refits
@@ -326,7 +327,7 @@ def test_an_effect_that_may_explain_all_is_fitted_to_all_shots(
     effect: Effect, tmp_path: Path
 ) -> None:
     """A part decides only against what leads there and leaves structure."""
-    selection, usual = _base(campaign(tmp_path, effect), "kv2", Watch())
+    selection, usual = fitted_base(campaign(tmp_path, effect), "kv2", Watch())
     assert not no_effect_explains_part(selection, usual, Watch())
     assert not selection.last.compared
 

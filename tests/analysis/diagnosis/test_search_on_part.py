@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from analysis.diagnosis import search_on_part
+from analysis.diagnosis.base_choice import fitted_base
 from analysis.diagnosis.forward_selection import searched
-from analysis.diagnosis.procedure import Diagnosis, _base, diagnose_campaign
+from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
 from analysis.diagnosis.progress import Watch
 from analysis.diagnosis.search_on_part import searched_on_part
 from analysis.diagnosis.successive_halving import MORE
@@ -50,7 +51,7 @@ def test_what_only_all_shots_show_is_added_there(curvature_per_v: float, tmp_pat
     """A strong effect is named on the part; a weak one is noise there, or too little for a name."""
     strong = make_effect("coupler_highpass", {"time_constant_s": 5e-3})
     weak = make_effect("sensor_nonlinearity", {"curvature_per_v": curvature_per_v})
-    selection, usual = _base(campaign(tmp_path, strong, weak), "kv2", Watch())
+    selection, usual = fitted_base(campaign(tmp_path, strong, weak), "kv2", Watch())
     found = searched_on_part(selection, usual, Watch())
     assert found.adequate
     assert [taken.effect_id for taken in found.chosen] == ["coupler_highpass", weak.id]
@@ -63,7 +64,7 @@ def test_where_a_part_shows_too_little_all_shots_are_searched(
 ) -> None:
     """What is small in nine shots is searched for on all of them."""
     weak = make_effect("coupler_highpass", {"time_constant_s": 0.3})
-    selection, usual = _base(campaign(tmp_path, weak), "kv2", Watch())
+    selection, usual = fitted_base(campaign(tmp_path, weak), "kv2", Watch())
     asked: list[int] = []
 
     def noted(start, *rest):
