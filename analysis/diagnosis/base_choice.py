@@ -7,7 +7,6 @@ asked with another loss, and with the effects that explain most on the base that
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -122,13 +121,8 @@ def _beside_another_loss(problem: JointProblem, places: list[int], of_ringing: f
     mixed ones, by the few shots that differ most, are compared on ``places``; ``of_ringing`` is
     what the ringing bases leave there with their own law.
     """
-    three, best = different(problem, FEWEST), []
-    for bases in _RINGING_AND_MIXED:
-        names = [f"{base}+{law}" for base in bases for law in _other_losses()]
-        left = _beyond_noise(problem, three, names)
-        # of those that differ by chance the first, which leaves fewer laws out
-        most = min(left) + CRITERIA.least_lead
-        best.append(next(name for name, one in zip(names, left, strict=True) if one <= most))
+    losses = [f"+{law}" for law in _other_losses()]
+    best = [name for _, name in _best_on_three(problem, losses)]
     with_loss, mixed = _beyond_noise(problem, places, best)
     of_ringing = min(of_ringing, with_loss)
     samples = sum(problem.shots[at].data for at in places)
@@ -170,21 +164,30 @@ def _beside(effect: Refit) -> str | None:
     own loss or another. The shots are some of those that the effect was fitted to.
     """
     problem = effect.problem
-    three = different(problem, FEWEST)
     losses = ["", *(f"+{law}" for law in _other_losses())]
-    best = []
-    for bases in _RINGING_AND_MIXED:
-        names = [base + law for base in bases for law in losses]
-        left = _beyond_noise(problem, three, names, effect)
-        best.append(min(zip(left, names, strict=True)))
-    (of_ringing, _), (mixed, name) = best
-    samples = sum(problem.shots[at].data for at in three)
+    (of_ringing, _), (mixed, name) = _best_on_three(problem, losses, effect)
+    samples = sum(problem.shots[at].data for at in different(problem, FEWEST))
     if of_ringing <= chance_of(samples) or mixed >= CRITERIA.little * of_ringing:
         return None
     return _mechanics(name)
 
 
-_RINGING_AND_MIXED: tuple[Sequence[str], ...] = (RINGING_BASES, [one.base_name for one in MIXED])
+def _best_on_three(
+    problem: JointProblem, losses: list[str], effect: Refit | None = None
+) -> list[tuple[float, str]]:
+    """Return the best of the ringing bases and of the mixed ones, each with a loss of some.
+
+    That is what each leaves beyond the noise of the three shots that differ most, and its name. Of
+    those that differ by chance the first is the best, which leaves fewer laws out.
+    """
+    three, best = different(problem, FEWEST), []
+    for bases in (RINGING_BASES, [one.base_name for one in MIXED]):
+        names = [base + law for base in bases for law in losses]
+        left = _beyond_noise(problem, three, names, effect)
+        most = min(left) + CRITERIA.least_lead
+        ways = zip(left, names, strict=True)
+        best.append(next(way for way in ways if way[0] <= most))
+    return best
 
 
 def _other_losses() -> list[str]:
