@@ -38,11 +38,16 @@ SEARCH_TOLERANCE = 0.3
 """The same where models are only compared. Derived: what a step then still promises, 0.09 squares,
 is a hundredth of what two effects must differ by to be told apart."""
 COST_TOLERANCE = 1e-9
-GOOD_STEP = 0.7
-"""Share of the promised fall above which the next step is likely to succeed as well."""
+GOOD_STEP = 0.1
+"""Share of the promised fall above which the next step is likely to succeed as well. Derived: to
+linearise it at once pays if it succeeds more often than 2/3, as its cost takes a third of the time.
+Measured on 1612 steps: 0.81 to 0.93 in each tenth of the share, but 0.56 in the lowest."""
 START_DAMPING, LEAST_DAMPING = 1e-3, 1e-9
 MOST_EASED = 0.1
-"""Least factor on the damping from one step to the next."""
+"""Least factor on the damping from one step to the next. Derived: a descent with short steps is
+nearly free after three good ones; by Nielsen's third it takes seven."""
+GROWTH = 2.0
+"""Factor on the damping after a refused step, and on itself after each further one: Nielsen's."""
 SHORT_STEPS = 10.0
 """Damping of a second descent: along each parameter its first step is at most 1 / 11 of the linear
 model's."""
@@ -449,7 +454,7 @@ class _Begin:
 def _descend(problem: JointProblem, all_shots: _AllShots, begin: _Begin, steps: _Steps) -> Fitted:
     """Return the minimum that lies below a point."""
     theta, nuisances, blocks = begin.theta, begin.nuisances, begin.blocks
-    damping, growth = steps.damping, 2.0
+    damping, growth = steps.damping, GROWTH
     converged, iteration, likely = False, 0, damping <= LEAST_DAMPING
     cost = _prior_cost(problem, theta) + sum(b.cost for b in blocks)
     samples = sum(item.data for item in problem.shots)
@@ -486,11 +491,11 @@ def _descend(problem: JointProblem, all_shots: _AllShots, begin: _Begin, steps: 
             small = cost - new_cost <= COST_TOLERANCE * max(cost, 1.0)
             converged = small and damping < NEARLY_FREE
             kept = (cost - new_cost) / max(promised, 1e-300)
-            damping, growth, likely = _next_damping(damping, kept), 2.0, kept > GOOD_STEP
+            damping, growth, likely = _next_damping(damping, kept), GROWTH, kept > GOOD_STEP
             cost = new_cost
         else:
             likely = False
-            damping, growth = max(damping * growth, 1e-6), 2.0 * growth
+            damping, growth = max(damping * growth, 1e-6), GROWTH * growth
             if damping > STALLED_DAMPING:
                 # no step of any length helps: the minimum to rounding, or an edge
                 converged = promised_gain(problem, blocks, theta) < STALLED_GAIN
