@@ -12,8 +12,8 @@ import pytest
 
 from analysis.campaign import Campaign
 from analysis.diagnosing import diagnose
+from analysis.diagnosis.base_choice import fitted_base
 from analysis.diagnosis.odd_shots import Rest, without_odd_shots
-from analysis.diagnosis.procedure import _base
 from analysis.diagnosis.progress import Watch
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.effects import make_effect
@@ -55,7 +55,7 @@ def scaled(whole: Campaign, at: int, by: float) -> Campaign:
 
 def rest_of(whole: Campaign) -> Rest | None:
     """Return what is left of a campaign without its odd shots."""
-    selection, usual = _base(whole, "kv2", Watch())
+    selection, usual = fitted_base(whole, "kv2", Watch())
     assert not selection.adequate
     return without_odd_shots(selection.last, usual, Watch())
 
@@ -127,7 +127,7 @@ def test_a_record_that_is_a_copy_of_another_is_told(clean: Campaign) -> None:
 def test_a_label_that_draws_the_whole_fit_off(clean: Campaign) -> None:
     """Where every shot is far from the model that all of them share."""
     odd = changed(clean, AT, signal=40.0 * clean.shots[AT].signal)
-    selection, usual = _base(odd, "kv2", Watch())
+    selection, usual = fitted_base(odd, "kv2", Watch())
     rest = without_odd_shots(selection.last, usual, Watch())
     assert rest is not None
     assert [one.shot for one in rest.set_aside] == [AT]
