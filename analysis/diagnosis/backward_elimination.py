@@ -208,11 +208,12 @@ def steps_in_order(selection: Selection) -> list[Step]:
     """Return a selection's steps, each with the effects that were chosen up to it and no other.
 
     Of three effects that were asked again in another order, an earlier step still has those of the
-    old one: it is fitted again, whatever the time. It stays where that cannot be.
+    old one: it is fitted again, whatever the time. It stays where that cannot be. What was tried
+    at a turn is with the selection's own steps.
     """
     found = [selection.last]
-    pairs = zip(reversed(selection.steps[1:-1]), reversed(selection.chosen), strict=False)
-    for step, taken in pairs:
+    earlier = reversed(selection.steps[:-1])
+    for step, taken in zip(earlier, reversed(selection.chosen), strict=True):
         ahead = found[0].problem.model.effects
         rest = {e.id for e in ahead if e.id != taken.effect.id}
         if {e.id for e in step.problem.model.effects} != rest:
@@ -220,7 +221,7 @@ def steps_in_order(selection: Selection) -> list[Step]:
             found.insert(0, _reduced(untimed, taken.effect) or step)
         else:
             found.insert(0, step)
-    return [*selection.steps[:1], *found] if selection.chosen else found
+    return found
 
 
 def _reduced(step: Step, dropped: Effect) -> Step | None:

@@ -8,17 +8,15 @@ from __future__ import annotations
 
 import dataclasses
 
-import numpy as np
-
-from analysis.aliases import Array
 from analysis.base_models import RINGING_BASES
 from analysis.campaign import Campaign
-from analysis.diagnosis.candidate import Refit, extended
+from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.multistart import usual_place
+from analysis.diagnosis.forward_selection import FIRSTS_TRIED
+from analysis.diagnosis.multistart import extended_like, usual_place
 from analysis.diagnosis.progress import MethodStep, Watch
 from analysis.diagnosis.score_test import chance_of
-from analysis.diagnosis.search_on_part import best_on_part
+from analysis.diagnosis.search_on_part import best_on_part, tried_on_part
 from analysis.diagnosis.selection import Selection, Step
 from analysis.diagnosis.successive_halving import (
     FEW,
@@ -39,7 +37,8 @@ from analysis.model.impact_model import MIXED, ImpactModel, model_named
 LOSS_LAW = "loss_law"
 """Id of the effect that is another law of loss than the base's."""
 STEP_SHARE = 0.75
-"""Solver errors of 4e-6 of the peak, the same in every model that is compared."""
+"""Of the solver's steps for an error of 1e-6 of the peak, in every model that is compared. Derived:
+the error goes with their fifth power, and 4e-6 of the peak is little beside noise of 1e-4."""
 MOST_STEPS = 3000.0
 """Of the solver, for an effect. Derived: it then swings 560 radians in a contact, and moves against
 what it sits on by 3e-6 of what its inertia asks for; a stiffer one cannot be told from a rigid one.
@@ -48,8 +47,6 @@ FIRST_LOOK = 20
 """Steps of a fit of the other base. Measured on 20 campaigns of the paper's rigs: theirs
 ends within 10 in 16, after 18 beside a ceiling, and later only where the closed one is nearer or
 neither comes near. On 6 closed rigs it creeps on for 52 to 120."""
-EFFECTS_BESIDE = 2
-"""Effects beside which the bases are asked. A choice of time: each takes some 2 s."""
 
 
 def stated(campaign: Campaign, base: str) -> JointProblem:
@@ -122,13 +119,10 @@ def _beside_another_loss(problem: JointProblem, places: list[int], of_ringing: f
     what the ringing bases leave there with their own law.
     """
     losses = [f"+{law}" for law in _other_losses()]
-    best = [name for _, name in _best_on_three(problem, losses)]
+    best = [name for _, name in _best(problem, different(problem, FEWEST), losses)]
     with_loss, mixed = _beyond_noise(problem, places, best)
-    of_ringing = min(of_ringing, with_loss)
-    samples = sum(problem.shots[at].data for at in places)
-    if of_ringing <= chance_of(samples) or mixed >= CRITERIA.little * of_ringing:
-        return None
-    return _mechanics(best[1])
+    obeyed = _stands_out(mixed, min(of_ringing, with_loss), problem, places)
+    return _mechanics(best[1]) if obeyed else None
 
 
 def base_beside_effect(
@@ -146,9 +140,9 @@ def base_beside_effect(
     told(MethodStep.CANDIDATES.told("or does an effect hide which laws the rig obeys?"), 0.05)
     if best_on_part(*found, told)[0]:
         return None
-    tried = (last.on_part or last).refits
+    tried = tried_on_part(*found, told).last.refits
     likely = sorted((r for r in tried if r.effect_id != LOSS_LAW), key=lambda r: -r.gain)
-    name = next(filter(None, map(_beside, likely[:EFFECTS_BESIDE])), None)
+    name = next(filter(None, map(_beside, likely[:FIRSTS_TRIED])), None)
     if name is None:
         return None
     start, usual = fitted_base(campaign, name, told)
@@ -163,27 +157,34 @@ def _beside(effect: Refit) -> str | None:
     Next to nothing is *little* of what the ringing bases leave with the same effect; each with its
     own loss or another. The shots are some of those that the effect was fitted to.
     """
-    problem = effect.problem
+    three = different(effect.problem, FEWEST)
     losses = ["", *(f"+{law}" for law in _other_losses())]
-    (of_ringing, _), (mixed, name) = _best_on_three(problem, losses, effect)
-    samples = sum(problem.shots[at].data for at in different(problem, FEWEST))
-    if of_ringing <= chance_of(samples) or mixed >= CRITERIA.little * of_ringing:
-        return None
-    return _mechanics(name)
+    (of_ringing, _), (mixed, name) = _best(effect.problem, three, losses, effect)
+    obeyed = _stands_out(mixed, of_ringing, effect.problem, three)
+    return _mechanics(name) if obeyed else None
 
 
-def _best_on_three(
-    problem: JointProblem, losses: list[str], effect: Refit | None = None
-) -> list[tuple[float, str]]:
-    """Return the best of the ringing bases and of the mixed ones, each with a loss of some.
+def _stands_out(mixed: float, of_ringing: float, problem: JointProblem, places: list[int]) -> bool:
+    """Tell whether a mixed base leaves *little* of what the ringing bases leave beyond the noise.
 
-    That is what each leaves beyond the noise of the three shots that differ most, and its name. Of
-    those that differ by chance the first is the best, which leaves fewer laws out.
+    And that this is more than chance, on the shots at ``places``.
     """
-    three, best = different(problem, FEWEST), []
+    samples = sum(problem.shots[at].data for at in places)
+    return of_ringing > chance_of(samples) and mixed < CRITERIA.little * of_ringing
+
+
+def _best(
+    problem: JointProblem, places: list[int], losses: list[str], effect: Refit | None = None
+) -> list[tuple[float, str]]:
+    """Return the best of the ringing bases and of the mixed ones, each with one of some losses.
+
+    That is what it leaves beyond the noise of some shots, and its name. Of those that differ by
+    chance the first is the best, which leaves fewer laws out.
+    """
+    best = []
     for bases in (RINGING_BASES, [one.base_name for one in MIXED]):
         names = [base + law for base in bases for law in losses]
-        left = _beyond_noise(problem, three, names, effect)
+        left = _beyond_noise(problem, places, names, effect)
         most = min(left) + CRITERIA.least_lead
         ways = zip(left, names, strict=True)
         best.append(next(way for way in ways if way[0] <= most))
@@ -205,7 +206,8 @@ def _beyond_noise(
 ) -> list[float]:
     """Return the squares that bases, or models, leave beyond the noise of some shots.
 
-    Each has ``effect`` as well, if there is one. Infinite without a fit.
+    Each has ``effect`` as well, if there is one, and begins where its fit to these shots, among
+    others, ended. Infinite without a fit.
     """
     shots = tuple(problem.shots[at].shot for at in places)
     some = dataclasses.replace(problem.campaign, shots=shots)
@@ -215,20 +217,10 @@ def _beyond_noise(
         part, nuisances = with_start(build(some, _base_model(name)))
         theta = None
         if effect is not None:
-            part, theta, nuisances = _with_effect(part, nuisances, effect)
+            row = {id(item.shot): at for at, item in enumerate(effect.problem.shots)}
+            part, theta, _ = extended_like(part, nuisances, effect)
+            nuisances = effect.fitted.nuisances[[row[id(item.shot)] for item in part.shots]]
         fitted = joint.fit_to_compare(part, nuisances, theta=theta, max_iterations=FIRST_LOOK)
         return fitted.cost - sum(item.data for item in part.shots)
 
     return list(problem.each(beyond_noise, names))
-
-
-def _with_effect(
-    problem: JointProblem, nuisances: Array, effect: Refit
-) -> tuple[JointProblem, Array, Array]:
-    """Return a problem with an effect, and where it starts: where that ended on another base."""
-    larger, theta, _ = extended(problem, usual_place(problem, nuisances), effect.effect, {})
-    known = dict(zip(effect.problem.names, effect.fitted.theta, strict=True))
-    theta = np.array([known.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
-    row = {id(item.shot): at for at, item in enumerate(effect.problem.shots)}
-    places = [row[id(item.shot)] for item in larger.shots]
-    return larger, theta, effect.fitted.nuisances[places]

@@ -318,6 +318,19 @@ def usual_place(problem: JointProblem, nuisances: Array) -> joint.Fitted:
     return joint.Fitted(theta, nuisances, [], nothing, math.inf, 0, False)
 
 
+def extended_like(
+    problem: JointProblem, prepared: Array, like: Refit
+) -> tuple[JointProblem, Array, Array]:
+    """Return a problem with an effect that was fitted beside another base or statement.
+
+    With it where to start: the globals where that fit ended, the shots' own at the usual place.
+    """
+    larger, theta, nuisances = extended(problem, usual_place(problem, prepared), like.effect, {})
+    known = dict(zip(like.problem.names, like.fitted.theta, strict=True))
+    begin = [known.get(n, v) for n, v in zip(larger.names, theta, strict=True)]
+    return larger, np.array(begin), nuisances
+
+
 def _touch_down_us(item: FitShot, prepared_us: float) -> float:
     """Return the prepared touch-down, or one from where the pulse rises if the two contradict."""
     width_us = 1e6 * item.window.width_s

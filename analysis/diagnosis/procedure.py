@@ -7,8 +7,6 @@ import dataclasses
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
-import numpy as np
-
 from analysis.aliases import Array
 from analysis.base_models import DEFAULT_BASE, RINGING_BASES
 from analysis.campaign import Campaign
@@ -26,7 +24,7 @@ from analysis.diagnosis.base_choice import (
     mixed_base,
     stated,
 )
-from analysis.diagnosis.candidate import Refit, extended, refitted
+from analysis.diagnosis.candidate import Refit, refitted
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.each_alone import is_inside_shots
 from analysis.diagnosis.forward_selection import FIRSTS_TRIED, try_effects, useful
@@ -34,7 +32,7 @@ from analysis.diagnosis.localisation import Located, locate
 from analysis.diagnosis.marginal_likelihood import Price
 from analysis.diagnosis.mistakes import Mistake, Named, named_mistake, repeated_in_time
 from analysis.diagnosis.model_free import Shown, left_by_model, shown_by_records
-from analysis.diagnosis.multistart import usual_place
+from analysis.diagnosis.multistart import extended_like, usual_place
 from analysis.diagnosis.next_drop import NextDrop, propose
 from analysis.diagnosis.noise_check import Background, check_noise
 from analysis.diagnosis.odd_shots import Rest, SetAside, count_as_noise, without_odd_shots
@@ -225,9 +223,10 @@ def _on_obeyed_base(
     campaign: Campaign, start: Selection, found: Selection, usual: joint.Fitted, told: Watch
 ) -> tuple[Selection, Selection, joint.Fitted] | None:
     """Return where the search begins if an effect hid which base the records obey, else None."""
-    hidden = start.last.problem.model.base_name in RINGING_BASES and not start.chosen
+    if start.chosen or start.last.problem.model.base_name not in RINGING_BASES:
+        return None
     with contextlib.suppress(BudgetSpentError):
-        return base_beside_effect(campaign, (found, usual), told) if hidden else None
+        return base_beside_effect(campaign, (found, usual), told)
     return None
 
 
@@ -402,12 +401,9 @@ def _refitted(
     last = start.last.problem
     problem, prepared = with_start(build(campaign, last.model))
     problem = dataclasses.replace(problem, checkpoint=last.checkpoint, cores=last.cores)
-    usual = usual_place(problem, prepared)
-    larger, theta, prepared = extended(problem, usual, like.effect, {})
+    larger, theta, prepared = extended_like(problem, prepared, like)
     own = prepared if nuisances is None or nuisances.shape != prepared.shape else nuisances
-    known = dict(zip(like.problem.names, like.fitted.theta, strict=True))
-    begin = np.array([known.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
-    return larger, joint.fit(larger, own, theta=begin)
+    return larger, joint.fit(larger, own, theta=theta)
 
 
 def _without_odd_shots(

@@ -91,16 +91,23 @@ def best_on_part(start: Selection, usual: joint.Fitted, progress: Watch) -> tupl
 
     All shots are asked of a campaign that has few. -2 ln Z is up to a constant of the shots.
     """
-    places = thinned(start.last.problem, MORE)
-    begin, place = _begin_on_part(start, places), _usual_of(usual, places)
-    if begin is None:
-        begin, place = start, usual
-    try_effects(begin.last, place, progress)
+    begin = tried_on_part(start, usual, progress)
     best = useful(begin.last)[:1]
     if not best:
         return False, begin.last.fitted.cost
     after = begin.on(best[0])
     return after.adequate, after.last.fitted.cost + best[0].gain - best[0].score()
+
+
+def tried_on_part(start: Selection, usual: joint.Fitted, progress: Watch) -> Selection:
+    """Return a selection with its effects tried, on a part of the shots if there are many."""
+    places = thinned(start.last.problem, MORE)
+    begin, place = _begin_on_part(start, places), _usual_of(usual, places)
+    if begin is None:
+        begin, place = start, usual
+    if not begin.last.compared:
+        try_effects(begin.last, place, progress)
+    return begin
 
 
 def left_open_on_part(selection: Selection, progress: Watch) -> OpenNames | None:

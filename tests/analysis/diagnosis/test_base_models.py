@@ -115,7 +115,7 @@ def test_an_effect_on_the_closed_base_is_held_against_a_mixed_one(
 def test_an_effect_does_not_hide_which_laws_a_rig_obeys(
     tmp_path: Path, rig: str, seed: int, base: str | None
 ) -> None:
-    """Beside a hum of a tenth of the pulse no base stands out; with the hum fitted one does."""
+    """Beside a large hum no base stands out; with the hum fitted one does."""
     hum = make_effect("mains_hum", {"amplitude_v": 0.3, "frequency_hz": 50.0, "harmonics": 2.0})
     whole = campaign_with(tmp_path, (hum,), rig, seed)
     selection, usual = fitted_base(whole, "kv2", Watch())
