@@ -29,7 +29,7 @@ from analysis import noise_slow
 from analysis.hidden_noise import hidden_noise
 from analysis.noise_products import white_products
 from analysis.noise_slow import Slow
-from analysis.quantisation import Coarse
+from analysis.quantisation import Coarse, kept_share
 from analysis.quiet_spectrum import (
     SHORTEST,
     Spectrum,
@@ -48,6 +48,9 @@ SHORT_ORDER = 2
 SLOW_PRICE = 6.0
 """What a slow part must bring in twice the logarithm of the likelihood. Every amplifier has one, so
 it need not prove itself as a further order must; to whiten one that is not there does no harm."""
+HIDDEN_SHARE = 0.1
+"""Of the rounding error's variance, the most that a signal at rest may hide where its noise still
+shows a slow part. Noise is then 0.22 steps or more, and what hides 6 % of all variance at most."""
 PROMISED_SHARE = 0.5
 """Of that price: what a score test must promise for a search. It promises rather too much."""
 
@@ -217,11 +220,14 @@ def estimate_noise(
     samples = sum(s.size for s in usable)
     if samples < MIN_QUIET_SAMPLES:
         return None
+    gamma = _autocovariance(usable, MAX_ORDER, sample_rate_hz)
     hidden = None if quantum is None else hidden_noise(usable, quantum)
     if hidden is not None:
-        return _coarse_model(*hidden, samples)
+        coarse = _coarse_model(*hidden, samples)
+        if sample_rate_hz is None or kept_share(hidden[0].least_noise) > HIDDEN_SHARE:
+            return coarse
+        return _with_slow_part(coarse, usable, sample_rate_hz, gamma)
     floor = 0.0 if quantum is None else quantum / math.sqrt(12)
-    gamma = _autocovariance(usable, MAX_ORDER, sample_rate_hz)
     if gamma[0] <= floor**2 or gamma[0] == 0.0:
         level = max(math.sqrt(gamma[0]), floor)
         if level == 0.0:
@@ -240,7 +246,11 @@ def _with_slow_part(
     sample_rate_hz: float,
     gamma: NDArray[np.float64],
 ) -> NoiseModel:
-    """Return autoregressive noise with its slow part if there is one, and with what limits it."""
+    """Return autoregressive noise with its slow part if there is one, and with what limits it.
+
+    A coarse converter lets a slow part through as noise moves the codes; what a signal at rest
+    hides of the rounding error is white.
+    """
     seen = pooled_spectrum(usable, sample_rate_hz)
     if seen is None:
         return plain
@@ -253,10 +263,17 @@ def _with_slow_part(
         if steep is not None and steeper is not None and steeper[1] < found[1]:
             seen, found = steep, steeper
         best = found[0]
-    model = plain if best is flat else _rising_model(best, seen.samples, plain.samples)
+    model = plain
+    if best is not flat:
+        shown = best
+        if plain.coarse is not None:
+            unseen = kept_share(plain.coarse.least_noise) * plain.coarse.step**2 / 12.0
+            shown = replace(best, innovation=best.innovation + unseen)
+        model = _rising_model(shown, seen.samples, plain.samples)
     expected = noise_slow.drift_expected(seen, best)
     return replace(
         model,
+        coarse=plain.coarse,
         slope=best.slope,
         corner_below=noise_slow.largest_corner(seen, best.short),
         drift_rms=math.sqrt(seen.drift / seen.samples),

@@ -97,7 +97,7 @@ def mixed_base(default: Step) -> str | None:
     """
     problem = default.problem
     places = thinned(problem, FEW)
-    samples = sum(problem.shots[at].data for at in places)
+    samples = sum(problem.shots[at].expected_squares for at in places)
     of_default = part_of(problem, default.fitted, places)[1].cost - samples
     if of_default <= chance_of(samples):
         return None
@@ -169,7 +169,7 @@ def _stands_out(mixed: float, of_ringing: float, problem: JointProblem, places: 
 
     And that this is more than chance, on the shots at ``places``.
     """
-    samples = sum(problem.shots[at].data for at in places)
+    samples = sum(problem.shots[at].expected_squares for at in places)
     return of_ringing > chance_of(samples) and mixed < CRITERIA.little * of_ringing
 
 
@@ -221,6 +221,6 @@ def _beyond_noise(
             part, theta, _ = extended_like(part, nuisances, effect)
             nuisances = effect.fitted.nuisances[[row[id(item.shot)] for item in part.shots]]
         fitted = joint.fit_to_compare(part, nuisances, theta=theta, max_iterations=FIRST_LOOK)
-        return fitted.cost - sum(item.data for item in part.shots)
+        return fitted.cost - sum(item.expected_squares for item in part.shots)
 
     return list(problem.each(beyond_noise, names))

@@ -49,7 +49,7 @@ def _left_alone(problem: JointProblem, begins: tuple[joint.Fitted, ...], place: 
     prior = item.speed_prior
     if prior is not None:
         item = dataclasses.replace(item, speed_prior=dataclasses.replace(prior, u=OWN_U))
-    most = (item.data + chance_of(item.data)) * _noisier_by(item)
+    most = (item.expected_squares + chance_of(item.expected_squares)) * _noisier_by(item)
     for begin in begins:
         free = dataclasses.replace(
             part,

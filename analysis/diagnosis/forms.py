@@ -45,7 +45,7 @@ def best_form(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
     or its numbers belong to single shots. Forms that no search tries (`Effect.by_name`) are asked
     where this one explains nearly all: then the effect is known, and its law is not yet.
     """
-    missing = base.cost - sum(item.data for item in problem.shots)
+    missing = base.cost - sum(item.expected_squares for item in problem.shots)
     explains_nearly_all = found.gain >= CRITERIA.nearly_all * missing
     forms = _forms_of(problem, found, rare=explains_nearly_all)
     if not forms:

@@ -224,7 +224,7 @@ def _with_another(selection: Selection, usual: joint.Fitted, progress: Progress)
 
 def _nearly(start: Selection, end: Selection) -> bool:
     """Tell whether a selection has taken up so much that one more effect could be the rest."""
-    samples = sum(s.white.size for s in start.last.residual.shots)
+    samples = sum(s.item.expected_squares for s in start.last.residual.shots)
     had, left = start.last.residual.chi2 - samples, end.last.residual.chi2 - samples
     return left < CRITERIA.little * had
 

@@ -308,7 +308,7 @@ def _fitted(
 ) -> joint.Fitted:
     """Return a fit from where another grouping ended; one that is far off then goes no further."""
     found = joint.fit_to_compare(problem, nuisances, theta=theta, max_iterations=STEPS_FROM_NEAR)
-    samples = sum(item.data for item in problem.shots)
+    samples = sum(item.expected_squares for item in problem.shots)
     if found.failed or found.converged or found.cost > joint.FAR_OFF * samples:
         return found
     return joint.fit_to_compare(problem, found.nuisances, theta=found.theta, blocks=found.blocks)

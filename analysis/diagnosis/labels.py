@@ -115,7 +115,7 @@ def _fit(
 
 def _squares_per_sample(part: JointProblem, fitted: joint.Fitted) -> float:
     """Return the squares a sample that a fit leaves."""
-    return fitted.cost / sum(item.data for item in part.shots)
+    return fitted.cost / sum(item.expected_squares for item in part.shots)
 
 
 def _wrong_for_some_time(problem: JointProblem) -> Iterator[Relabelled]:
@@ -199,7 +199,7 @@ def _with_names(shot: Shot, names: Mapping[str, str]) -> Shot:
 
 def _far_from_noise(item: FitShot) -> float:
     """Return the squares of a shot from which a model is far from it."""
-    return CRITERIA.far_squares_per_sample * item.data
+    return CRITERIA.far_squares_per_sample * item.expected_squares
 
 
 def _names(campaign: Campaign, side: str) -> tuple[list[str], list[str]]:

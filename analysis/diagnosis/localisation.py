@@ -236,7 +236,7 @@ def gains_by_family(linearised: Linearised) -> dict[Part, float]:
 
 def structured_squares(linearised: Linearised) -> float:
     """Return the whitened squares beyond what noise alone would leave."""
-    return linearised.chi2 - sum(shot.white.size for shot in linearised.shots)
+    return linearised.chi2 - sum(shot.item.expected_squares for shot in linearised.shots)
 
 
 def slot_probabilities(linearised: Linearised, gains: Mapping[Part, float]) -> dict[str, float]:

@@ -148,7 +148,7 @@ def _leaving_noise(tried: Sequence[tuple[Mistake, Step]]) -> list[tuple[Mistake,
 
 def _labels(step: Step) -> list[Mistake]:
     """Return names that are wrong in a whole group, asked where they can be: far from noise."""
-    samples = sum(item.data for item in step.problem.shots)
+    samples = sum(item.expected_squares for item in step.problem.shots)
     if step.fitted.cost < CRITERIA.far_squares_per_sample * samples:
         return []
     return [

@@ -206,7 +206,7 @@ def _trimmed(step: Step, usual: Array, most: int) -> _Part | None:
             nuisances = settle(whole, part.fitted.theta, nuisances)
             squares = np.array(
                 [
-                    shot_cost(whole, item, part.fitted.theta, own) / item.data
+                    shot_cost(whole, item, part.fitted.theta, own) / item.expected_squares
                     for item, own in zip(whole.shots, nuisances, strict=True)
                 ]
             )
@@ -265,7 +265,7 @@ def _own_falls(problem: JointProblem, fitted: joint.Fitted) -> tuple[Array, Arra
 
 def _most_noise(item: FitShot) -> float:
     """Return the squares that noise leaves of a shot at most."""
-    return item.data + chance_of(item.data)
+    return item.expected_squares + chance_of(item.expected_squares)
 
 
 # -- what a shot is like ---------------------------------------------------------------------------
@@ -274,7 +274,7 @@ def _described(whole: Step, rest: Step, at: int) -> tuple[SetAside, bool]:
     item = whole.problem.shots[at]
     alone = ShotAlone(rest.problem, rest.fitted.theta, item, whole.fitted.nuisances[at])
     found = alone.explanations()
-    ratio = math.sqrt(alone.squares(item) / item.data)
+    ratio = math.sqrt(alone.squares(item) / item.expected_squares)
     peers = sum(other.condition == item.condition for other in rest.problem.shots)
     between = not peers and _is_between(item, rest.problem.shots)
     alike = "lower and higher drops of the pair leave" if between else "all other shots leave"

@@ -444,7 +444,7 @@ def _obeyed_base(
     for name in RINGING_BASES[1:]:
         problem, nuisances = with_start(stated(campaign, name))
         fitted = joint.fit(problem, nuisances, max_iterations=FIRST_LOOK)
-        samples = sum(item.data for item in selection.last.problem.shots)
+        samples = sum(item.expected_squares for item in selection.last.problem.shots)
         least = CRITERIA.least_lead * max(1.0, fitted.cost / samples)
         leads = not fitted.failed and selection.last.fitted.cost - fitted.cost > least
         if leads and not reasons.explain:
@@ -460,7 +460,7 @@ def _is_all(seen: Background, step: Step) -> bool:
     if not (seen.clear and step.score_test.structured):
         return seen.clear
     structure = max((a.gain - a.dof for a in step.score_test.answers.values()), default=0.0)
-    samples = sum(shot.white.size for shot in step.linearised.shots)
+    samples = sum(shot.item.expected_squares for shot in step.linearised.shots)
     return structure < seen.share * samples
 
 

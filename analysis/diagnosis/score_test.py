@@ -250,7 +250,7 @@ def run_score_test(linearised: Linearised, tried: Sequence[Proposal] = ()) -> Sc
     return ScoreTest(p, answers, surplus, of_effects, len(every))
 
 
-def chance_of(samples: int) -> float:
+def chance_of(samples: float) -> float:
     """Return the squares beyond so many samples' own that are no sign of more than noise. [1]"""
     return CRITERIA.excess_deviations * math.sqrt(2.0 * samples)
 
@@ -264,7 +264,7 @@ def _surplus(linearised: Linearised) -> tuple[float, float]:
     noises = {id(shot.item.noise): shot.item.noise for shot in linearised.shots}.values()
     if any(not noise.is_measured for noise in noises):
         return 0.0, 1.0
-    seen = sum(shot.white.size for shot in linearised.shots)
+    seen = sum(shot.item.expected_squares for shot in linearised.shots)
     sigma = math.sqrt(2.0 / seen + 2.0 / sum(noise.samples for noise in noises))
     share = linearised.chi2 / seen - 1.0
     least = CRITERIA.little, CRITERIA.deviations * sigma

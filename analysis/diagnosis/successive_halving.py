@@ -86,7 +86,7 @@ def ranked(
     """
     places, everything = thinned(present.problem, FEW), list(range(len(present.problem.shots)))
     chi2 = sum(b.chi2 for b in present.fitted.blocks)
-    samples = sum(item.data for item in present.problem.shots)
+    samples = sum(item.expected_squares for item in present.problem.shots)
     bent = few_show_much(present.problem, present.fitted)
     far = chi2 > CRITERIA.far_squares_per_sample * samples
     if not bent:  # a few shots show too little of what is small, and slopes say all of it
@@ -184,7 +184,7 @@ class _FirstRound:
         self, best: list[Refit], names: list[str], forms: Callable[[str], list[Refit]]
     ) -> tuple[list[Refit], int, bool]:
         """Return refits with those of effects, how many were tried, whether one leaves noise."""
-        samples = sum(item.data for item in self.few.shots)
+        samples = sum(item.expected_squares for item in self.few.shots)
         tried_all = self.few.each(forms, names)
         tried, explained = 0, False
         while tried < len(names) and not explained:
@@ -249,7 +249,7 @@ class _FirstRound:
 
     def _comes_near(self, three: Part, found: Refit) -> bool:
         """Tell whether a refit leaves *little* of what three shots show beyond the noise."""
-        noise = sum(self.present.problem.shots[at].data for at in three.places)
+        noise = sum(self.present.problem.shots[at].expected_squares for at in three.places)
         return found.fitted.cost - noise < CRITERIA.little * (three.base.cost - noise)
 
     def _carried(
@@ -292,12 +292,13 @@ def few_show_much(problem: JointProblem, fitted: joint.Fitted) -> bool:
     As much as so few have of it by the mean of all: their own squares scatter by as much.
     """
     few, whole = len(thinned(problem, FEW)), len(problem.shots)
-    excess = sum(b.chi2 for b in fitted.blocks) - sum(item.data for item in problem.shots)
+    noise = sum(item.expected_squares for item in problem.shots)
+    excess = sum(b.chi2 for b in fitted.blocks) - noise
     return excess * few / whole > CRITERIA.curved_squares
 
 
 def _leader_ended(
-    best: list[Refit], new: list[Refit], base: joint.Fitted, samples: int
+    best: list[Refit], new: list[Refit], base: joint.Fitted, samples: float
 ) -> tuple[list[Refit], Refit | None]:
     """Return refits, and which of the new ones leads them; None if none does.
 

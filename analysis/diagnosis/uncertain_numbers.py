@@ -26,7 +26,7 @@ def with_uncertain_numbers(selection: Selection) -> Selection:
     number would change is then asked at a place where nothing is right.
     """
     last = selection.last
-    samples = sum(shot.white.size for shot in last.residual.shots)
+    samples = sum(shot.item.expected_squares for shot in last.residual.shots)
     if last.residual.chi2 > CRITERIA.far_squares_per_sample * samples:
         return selection
     # to its end, whatever the time: it is part of the base fit

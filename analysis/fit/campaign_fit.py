@@ -35,7 +35,7 @@ Progress = Callable[[str, float], None]
 
 
 def _chi2_per_dof(problem: JointProblem, fitted: joint.Fitted) -> float:
-    used = sum(s.data - 4 for s in problem.shots) - len(problem.names)
+    used = sum(s.expected_squares - 4 for s in problem.shots) - len(problem.names)
     return sum(b.chi2 for b in fitted.blocks) / max(used, 1)
 
 

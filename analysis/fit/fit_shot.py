@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from analysis.fit.window import Window, campaign_noise, cut, rail
 from analysis.model.free_fall import speed_in_air
 from analysis.model.impact_model import ShotFrame
 from analysis.noise import NoiseModel
-from analysis.quantisation import combined, stretches
+from analysis.quantisation import Stretches, stretches
 
 ASSUMED_REPEATABILITY = 0.02
 """Where a height is given without a repeatability; listed under ``assumptions`` when used."""
@@ -46,6 +45,8 @@ class FitShot:
     """Drag of the air over that of the law. [1]"""
     mass_is_stated: bool = True
     """Else the sphere counts as 1 kg."""
+    resting: Stretches | None = None
+    """Where a coarse converter's record is at rest; None where every sample counts."""
 
     @property
     def in_si(self) -> bool:
@@ -69,11 +70,14 @@ class FitShot:
         return self.shot.sphere, self.shot.surface, self.shot.drop_height_m
 
     @property
-    def data(self) -> int:
-        """Return how many independent values its window holds: rows of `whiten`."""
-        if self._stretches is not None:
-            return int(self._stretches.size)
-        return self.frame.samples - self.noise.history
+    def expected_squares(self) -> float:
+        """Return the squares that noise leaves of `whiten` over its window: one a sample.
+
+        Of a coarse converter's record there are fewer.
+        """
+        if self.resting is not None:
+            return self.resting.expected_squares
+        return float(self.frame.samples - self.noise.history)
 
     def whiten(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return values over the window as independent ones, in units of their deviation.
@@ -83,12 +87,7 @@ class FitShot:
         that stays within a step.
         """
         white = self.noise.whiten(values)
-        if self._stretches is None:
-            return white
-        noise = self.noise
-        assert noise.coarse is not None
-        memory = float(1.0 - noise.coefficients.sum()) * noise.rms / noise.innovation_rms
-        return combined(white, self._stretches, kept=noise.coarse.kept, memory=memory)
+        return white if self.resting is None else self.resting.combined(white)
 
     def products(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the inner products of rows over the window, in units of the noise.
@@ -97,16 +96,17 @@ class FitShot:
         not. [1]
         """
         with np.errstate(over="ignore", invalid="ignore"):
-            if self.noise.coarse is None:
+            if self.resting is None:
                 return self.noise.products(rows)
             white = self.whiten(rows.T)
             return np.asarray(white.T @ white)
 
-    @cached_property
-    def _stretches(self) -> NDArray[np.int64] | None:
-        if self.noise.coarse is None:
-            return None
-        return stretches(self.window.signal[self.noise.history :], self.noise.coarse)
+
+def _resting(window: Window, noise: NoiseModel) -> Stretches | None:
+    if noise.coarse is None:
+        return None
+    memory = float(1.0 - noise.coefficients.sum()) * noise.rms / noise.innovation_rms
+    return stretches(window.signal[noise.history :], noise.coarse, memory=memory)
 
 
 def poissons_ratio(surface: Surface | None) -> float:
@@ -216,6 +216,7 @@ def fit_shot(
         speed,
         in_air,
         mass_is_stated=mass_is_stated,
+        resting=_resting(window, noise),
     )
 
 

@@ -419,7 +419,7 @@ def is_hopeless(problem: JointProblem, cost: float, *, widened: float = 1.0) -> 
 
     ``widened`` is the factor on the noise's variance that the cost was computed with.
     """
-    return cost * widened > HOPELESS * sum(item.data for item in problem.shots)
+    return cost * widened > HOPELESS * sum(item.expected_squares for item in problem.shots)
 
 
 def _gains_energy(problem: JointProblem, nuisances: Array) -> bool:
@@ -457,7 +457,7 @@ def _descend(problem: JointProblem, all_shots: _AllShots, begin: _Begin, steps: 
     damping, growth = steps.damping, GROWTH
     converged, iteration, likely = False, 0, damping <= LEAST_DAMPING
     cost = _prior_cost(problem, theta) + sum(b.cost for b in blocks)
-    samples = sum(item.data for item in problem.shots)
+    samples = sum(item.expected_squares for item in problem.shots)
     passed: list[float] = []
     while not converged and iteration < steps.most:
         iteration += 1

@@ -111,9 +111,9 @@ class FitResult:
     @property
     def degrees_of_freedom(self) -> int:
         """Return samples less fitted parameters."""
-        used = sum(s.item.data - 4 for s in self.shots)
+        used = sum(s.item.expected_squares - 4 for s in self.shots)
         # a coarse record may hold next to nothing
-        return max(used - len(self.problem.names) + len(self.problem.inputs), 1)
+        return max(round(used) - len(self.problem.names) + len(self.problem.inputs), 1)
 
     @property
     def chi2_per_dof(self) -> float:

@@ -83,7 +83,7 @@ class ShotFit:
     @property
     def chi2_per_dof(self) -> float:
         """Return chi2 over samples less the four nuisances."""
-        return self.chi2 / max(self.item.data - 4, 1)
+        return self.chi2 / max(self.item.expected_squares - 4, 1)
 
     def flags(self) -> list[str]:
         """Return what a user must know before trusting this shot."""

@@ -595,7 +595,7 @@ def _beaten(diagnosis: Diagnosis, step: Step, refit: Refit, taken: Refit | None)
 
 def _left(refit: Refit) -> str:
     """Return the rms that a candidate leaves over the noise, four nuisances a shot counted."""
-    used = sum(s.data - 4 for s in refit.problem.shots) - len(refit.problem.names)
+    used = sum(s.expected_squares - 4 for s in refit.problem.shots) - len(refit.problem.names)
     return times_noise(sum(b.chi2 for b in refit.fitted.blocks) / max(used, 1))
 
 

@@ -62,7 +62,7 @@ def test_a_rare_form_is_asked_where_the_usual_one_explains_nearly_all(tmp_path: 
     better = best_form(problem, base, found)
     assert better.effect.by_name
     assert better.score() > found.score() + CRITERIA.least_lead
-    missing = base.cost - sum(item.data for item in problem.shots)
+    missing = base.cost - sum(item.expected_squares for item in problem.shots)
     half = dataclasses.replace(found, gain=0.5 * missing)
     assert not best_form(problem, base, half).effect.by_name
 

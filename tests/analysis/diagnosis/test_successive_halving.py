@@ -107,7 +107,7 @@ def test_a_mass_that_is_off_as_stated_leaves_noise(tmp_path, u, noise):
     campaign = with_mass(small_campaign(tmp_path), times=1.03, u=u)
     problem, nuisances = with_start(build(campaign, model_named("kv2")))
     fitted = joint.fit(problem, nuisances)
-    assert fitted.cost > 1.01 * sum(item.data for item in problem.shots)
+    assert fitted.cost > 1.01 * sum(item.expected_squares for item in problem.shots)
     assert leaves_noise(problem, fitted) is noise
 
 
@@ -127,7 +127,7 @@ def test_what_nine_shots_do_not_show_is_sought_on_all(tmp_path):
     campaign = read_campaign(write_campaign_folder(tmp_path, simulate_campaign(settings, 7)))
     problem, nuisances = with_start(build(campaign, model_named("kv2")))
     fitted = joint.fit(problem, nuisances)
-    excess = fitted.cost - sum(item.data for item in problem.shots)
+    excess = fitted.cost - sum(item.expected_squares for item in problem.shots)
     assert FEW / len(problem.shots) * excess < CRITERIA.curved_squares
     present = PresentModel(problem, fitted, usual_place(problem, nuisances))
     found = ranked(present, proposals(problem)[0], lambda stage, share: None)
