@@ -85,8 +85,8 @@ def effect_prior(problem: JointProblem, name: ParameterName) -> Prior | None:
     stated = stated_effect(problem, name)
     if stated is not None:
         return stated.prior
-    usual_u = found[1].usual_u
-    return Prior(0.0, usual_u) if math.isfinite(usual_u) else None
+    usual, usual_u = found[1].usual, found[1].usual_u
+    return Prior(usual, usual_u) if math.isfinite(usual_u) else None
 
 
 def stated_effects(problem: JointProblem) -> list[tuple[int, StatedEffect]]:
