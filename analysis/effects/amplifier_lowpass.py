@@ -22,7 +22,13 @@ more is little but a delay.
     |G_{Butterworth}|^2 = \frac{1}{1 + (f/f_c)^{2n}}, \qquad
     G_{Bessel} = \frac{\theta_n(0)}{\theta_n(s/\omega_0)}
 
-with theta_n the reverse Bessel polynomial. Order 1 of either is the effect itself.
+with theta_n the reverse Bessel polynomial. Order 1 of either is the effect itself. A chain of equal
+RC stages is ``stages``,
+
+.. math:: G(s) = (1 + \tau s)^{-n}
+
+where n is a number of the form and need not be whole: a filter without overshoot of any other make
+lies between two of them, up to Gauss's, which is the limit of many.
 
 Source: Butterworth, Wireless Engineer 7 (1930) 536; Thomson, Proc. IEE 96 III (1949) 487; poles by
 ``scipy.signal.besselap``. Validity: a linear filter, settled before the record; a pulse that is
@@ -38,6 +44,7 @@ from functools import cache
 
 import numpy as np
 from numba import njit
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.signal import besselap
 
 from analysis.aliases import Array
@@ -116,6 +123,17 @@ def _cascade(sections: Callable[[int], tuple[Section, ...]], order: int) -> Hook
     return output
 
 
+def _stages(signal: Array, values: Values, context: ShotContext) -> Array:
+    order, cutoff = values["stages"], values["cutoff_hz"]
+    tau = math.sqrt(2.0 ** (1.0 / order) - 1.0) * context.sample_rate_hz / cutoff
+    # back to where it rests, and at rest, before it begins anew: a transform goes round
+    size = next_fast_len(3 * signal.size, real=True)
+    rest = np.full(size - 2 * signal.size, signal[0])
+    whole = rfft(np.concatenate([signal, signal[::-1], rest]))
+    read = irfft(whole * (1.0 + 1j * tau * rfftfreq(size)) ** -order, size)
+    return np.asarray(read[: signal.size])
+
+
 _BESSEL_RATIO = math.sqrt((1 + math.sqrt(5)) / 2)
 """Natural over -3 dB frequency of Bessel's second order: x^4 + x^2 = 1 there."""
 
@@ -150,6 +168,24 @@ def _of_order(form: str, order: int) -> Effect:
         by_name=True,
     )
 
+
+_STAGES = Effect(
+    id="amplifier_lowpass:stages",
+    slot="electronics",
+    title="the amplifier is slow, several equal stages",
+    tell_tale="delay, ring cut more sharply",
+    source="RC low-passes in a chain",
+    validation="lsim",
+    parameters=(
+        *_PARAMETERS,
+        EffectParameter(
+            "stages", "1", "rig", "log", 1.0, 1.0, 32.0, (2.0, 5.0, 12.0), "equal RC stages"
+        ),
+    ),
+    order=60,
+    output=_stages,
+    by_name=True,
+)
 
 EFFECT = Effect(
     id="amplifier_lowpass",
@@ -189,5 +225,6 @@ EFFECT = Effect(
             for form in ("butterworth", "bessel")
             for order in range(3, HIGHEST_ORDER + 1)
         ),
+        _STAGES,
     ),
 )

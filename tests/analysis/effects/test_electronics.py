@@ -105,6 +105,18 @@ def test_the_amplifier_is_smooth_across_neutral(name: str) -> None:
     assert np.allclose(up, -down, atol=1e-12 * PEAK)
 
 
+@pytest.mark.parametrize("cutoff", [8e3, 3e4, 2e5])
+@pytest.mark.parametrize("stages", [1, 2, 5])
+def test_equal_stages_agree_with_scipy(stages: int, cutoff: float) -> None:
+    """Down by 3 dB at the cut-off together; one stage is the effect itself."""
+    tau = math.sqrt(2.0 ** (1.0 / stages) - 1.0) / (2 * math.pi * cutoff)
+    wanted = SIGNAL
+    for _ in range(stages):
+        wanted = simulated(([1.0], [tau, 1.0]), wanted)
+    found = output("amplifier_lowpass:stages", SIGNAL, cutoff_hz=cutoff, stages=float(stages))
+    assert apart(found, wanted) < 1e-5
+
+
 @pytest.mark.parametrize("order", range(3, 9))
 @pytest.mark.parametrize("form", ["butterworth", "bessel"])
 def test_a_filter_of_any_order_agrees_with_scipy(form: str, order: int) -> None:
