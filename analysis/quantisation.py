@@ -8,8 +8,7 @@ before the trigger shows neither that error nor the noise.
 
 So the noise is inferred from how often the codes change, its colour from how the changes go
 together (Van Vleck's correction), the rounding error is added, and every stretch of record that
-stays within one step counts as one value, with the weight that it has if the signal rests there. A
-signal that passes through leaves less, by how fast it passes.
+stays within one step counts as one value: its samples share the weight of one.
 """
 
 from __future__ import annotations
@@ -28,7 +27,6 @@ LEVELS = 16
 REACH = 3.5
 """Standard deviations that one sample in two thousand exceeds."""
 _LOOKED = 8192
-_ORDERS = np.arange(1.0, 201.0)
 _NEAR_STEPS = 8.0
 _OFF_STEP = 0.1
 
@@ -93,17 +91,9 @@ def kept_share(noise: float) -> float:
     Fourier series of the rounding error, averaged over the noise, its square averaged over all
     levels (Widrow & Kollar 2008).
     """
-    return float(6.0 / np.pi**2 * np.sum(_damped(noise) / _ORDERS**2))
-
-
-def passing_share(noise: float) -> float:
-    r"""Return the same of a signal that passes through codes; over m^2 - 1 for m of them."""
-    return float(3.0 / np.pi**4 * np.sum(_damped(noise) / _ORDERS**4))
-
-
-def _damped(noise: float) -> Array:
-    """Return what noise leaves of each order of the rounding error's Fourier series. [1]"""
-    return np.asarray(np.exp(-((2.0 * np.pi * _ORDERS * noise) ** 2)))
+    k = np.arange(1.0, 201.0)
+    share = 6.0 / np.pi**2 * np.sum(np.exp(-((2.0 * np.pi * k * noise) ** 2)) / k**2)
+    return float(share)
 
 
 @njit(cache=True, nogil=True)
@@ -119,52 +109,27 @@ def _starts(codes, most):  # type: ignore[no-untyped-def]
     return found[:count]
 
 
-@dataclass(frozen=True)
-class Stretches:
-    """Stretches of a record in which the codes say that it is at rest."""
+def starts_of_rest(signal: Array, coarse: Coarse) -> NDArray[np.int64]:
+    """Return the first samples of the stretches in which the codes say that a record is at rest.
 
-    starts: NDArray[np.int64]
-    """First sample of each; 0 is among them."""
-    scale: Array
-    """Standard deviation of the sum of whitened values over each, if the signal rests there. [1]"""
-    expected_squares: float
-    """Of `combined` together, if the signal passes through the codes as they say. [1]"""
-
-    def combined(self, white: Array) -> Array:
-        """Return whitened values, shape (n,) or (n, k), as one row of variance 1 or less a stretch.
-
-        Each value has variance 1 if the signal moves. What the rows say of one another is left out:
-        they follow from one signal, so a row has the variance of one at rest, which is the largest.
-        """
-        return np.asarray((np.add.reduceat(white, self.starts, axis=0).T / self.scale).T)
-
-
-def stretches(signal: Array, coarse: Coarse, *, memory: float = 1.0) -> Stretches:
-    r"""Return the stretches in which a record is at rest.
-
-    Where the signal moves by more than ``coarse.codes`` a sample, each sample is a stretch of its
-    own. ``memory`` is what whitening makes of a constant of one standard deviation. [1]
-
-    Notes
-    -----
-    The rounding errors of two samples between which the signal moves by x steps have the covariance
-
-    .. math:: \sum_k \frac{\cos 2 \pi k x}{2 \pi^2 k^2} e^{-4 \pi^2 k^2 s^2}
-
-    over all levels, s the noise in steps (Widrow & Kollar 2008). Codes that differ by m > 1 come
-    from a signal that passes evenly through m steps, give or take one for their rounding. Over all
-    pairs of samples the mean of the cosine is then :math:`1 / (2 \pi^2 k^2 (m^2 - 1))`.
+    Sample 0 is among them. Where the signal moves by more than ``coarse.codes`` a sample, each
+    sample is a stretch of its own.
     """
     codes = np.rint((signal - signal[0]) / coarse.step).astype(np.int64)
-    starts = np.asarray(_starts(codes, coarse.codes))
-    ends = np.append(starts[1:], codes.size)
-    before, after = np.maximum(starts - 1, 0), np.minimum(ends, codes.size - 1)
-    inside = np.maximum.reduceat(codes, starts) - np.minimum.reduceat(codes, starts)
-    # of the way between the neighbours one step may lie outside
-    passed = np.maximum(inside, np.abs(codes[after] - codes[before]) - 1)
-    lengths = (ends - starts).astype(np.float64)
-    at_rest = coarse.kept
-    passing = passing_share(coarse.least_noise) / (1.0 + 12.0 * coarse.noise**2)
-    kept = np.where(passed > 1, passing / np.maximum(passed**2 - 1.0, 1.0), at_rest)
-    variances = [lengths * (1.0 + k * memory**2 * (lengths - 1.0)) for k in (at_rest, kept)]
-    return Stretches(starts, np.sqrt(variances[0]), float(np.sum(variances[1] / variances[0])))
+    return np.asarray(_starts(codes, coarse.codes))
+
+
+def weights_at_rest(signal: Array, coarse: Coarse, *, memory: float = 1.0) -> Array:
+    r"""Return the weights of whitened samples whose rounding errors go together while they rest.
+
+    .. math:: w = (1 + k \mu^2 (l - 1))^{-1/2}
+
+    for stretches of l samples, k = ``coarse.kept``; :math:`\mu` = ``memory`` is what whitening
+    makes of a constant of one standard deviation. [1] The sum over a stretch then has the variance
+    that it has of independent samples. A sample leaves :math:`w^2` squares, for whether the signal
+    rests or passes, its own error has the same variance.
+    """
+    starts = starts_of_rest(signal, coarse)
+    lengths = np.diff(starts, append=signal.size)
+    shared = 1.0 + coarse.kept * memory**2 * (lengths - 1.0)
+    return np.asarray(np.repeat(shared**-0.5, lengths))

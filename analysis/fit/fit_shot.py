@@ -15,7 +15,7 @@ from analysis.fit.window import Window, campaign_noise, cut, rail
 from analysis.model.free_fall import speed_in_air
 from analysis.model.impact_model import ShotFrame
 from analysis.noise import NoiseModel
-from analysis.quantisation import Stretches, stretches
+from analysis.quantisation import weights_at_rest
 
 ASSUMED_REPEATABILITY = 0.02
 """Where a height is given without a repeatability; listed under ``assumptions`` when used."""
@@ -45,8 +45,8 @@ class FitShot:
     """Drag of the air over that of the law. [1]"""
     mass_is_stated: bool = True
     """Else the sphere counts as 1 kg."""
-    resting: Stretches | None = None
-    """Where a coarse converter's record is at rest; None where every sample counts."""
+    weights: NDArray[np.float64] | None = None
+    """Of whitened samples of a coarse converter's record; None where every sample counts. [1]"""
 
     @property
     def in_si(self) -> bool:
@@ -75,19 +75,18 @@ class FitShot:
 
         Of a coarse converter's record there are fewer.
         """
-        if self.resting is not None:
-            return self.resting.expected_squares
+        if self.weights is not None:
+            return float(np.sum(self.weights**2))
         return float(self.frame.samples - self.noise.history)
 
     def whiten(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return values over the window as independent ones, in units of their deviation.
 
         ``values``, shape (n,) or (n, k), are residuals or columns of a Jacobian. They are whitened
-        as by `NoiseModel.whiten`; of a coarse converter's record there is one row for each stretch
-        that stays within a step.
+        as by `NoiseModel.whiten`; of a coarse converter's record a stretch at rest counts as one.
         """
         white = self.noise.whiten(values)
-        return white if self.resting is None else self.resting.combined(white)
+        return white if self.weights is None else np.asarray((white.T * self.weights).T)
 
     def products(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the inner products of rows over the window, in units of the noise.
@@ -96,17 +95,17 @@ class FitShot:
         not. [1]
         """
         with np.errstate(over="ignore", invalid="ignore"):
-            if self.resting is None:
+            if self.weights is None:
                 return self.noise.products(rows)
             white = self.whiten(rows.T)
             return np.asarray(white.T @ white)
 
 
-def _resting(window: Window, noise: NoiseModel) -> Stretches | None:
+def _weights(window: Window, noise: NoiseModel) -> NDArray[np.float64] | None:
     if noise.coarse is None:
         return None
     memory = float(1.0 - noise.coefficients.sum()) * noise.rms / noise.innovation_rms
-    return stretches(window.signal[noise.history :], noise.coarse, memory=memory)
+    return weights_at_rest(window.signal[noise.history :], noise.coarse, memory=memory)
 
 
 def poissons_ratio(surface: Surface | None) -> float:
@@ -216,7 +215,7 @@ def fit_shot(
         speed,
         in_air,
         mass_is_stated=mass_is_stated,
-        resting=_resting(window, noise),
+        weights=_weights(window, noise),
     )
 
 
