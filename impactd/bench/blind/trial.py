@@ -273,9 +273,14 @@ def _diagnosed(plan: Plan, simulated: Json, budget_s: float | None) -> Json:
 
 
 def _is_the_rigs_own_law(effect: Json, plan: Plan) -> bool:
-    """Tell whether a named effect is how a drawn rig's contact loses energy, which is no effect."""
-    drawn = rig_model(plan.rig, plan.campaign_seed).loss
-    return bool(effect["id"] == LOSS_LAW) and drawn != PAPER.loss
+    """Tell whether a named effect is how a drawn rig's contact loses energy, which is no effect.
+
+    Or may be: a family says so of each of its names.
+    """
+    if rig_model(plan.rig, plan.campaign_seed).loss == PAPER.loss:
+        return False
+    said = {effect["id"], *effect.get("confusable_with", [])}
+    return LOSS_LAW in said and effect["id"] not in {e.id for e in plan.effects}
 
 
 def where(effect: Json) -> Json:
