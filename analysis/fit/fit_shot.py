@@ -101,6 +101,11 @@ class FitShot:
             return np.asarray(white.T @ white)
 
 
+def under_noise(item: FitShot, noise: NoiseModel) -> FitShot:
+    """Return a shot as it would be seen under another noise."""
+    return replace(item, noise=noise, weights=_weights(item.window, noise))
+
+
 def _weights(window: Window, noise: NoiseModel) -> NDArray[np.float64] | None:
     if noise.coarse is None:
         return None

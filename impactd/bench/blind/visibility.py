@@ -17,7 +17,7 @@ import numpy as np
 from analysis.campaign import Campaign
 from analysis.errors import AnalysisError
 from analysis.fit import joint
-from analysis.fit.fit_shot import noise_by_instrument, usable_shots
+from analysis.fit.fit_shot import noise_by_instrument, under_noise, usable_shots
 from analysis.fit.freed_inputs import with_inputs
 from analysis.fit.problem import build
 from analysis.fit.start import with_start
@@ -115,8 +115,7 @@ def _cost(twin: Campaign, campaign: Campaign, model: str, *, uncertain: bool = F
     problem = build(twin, model_named(model))
     noise = noise_by_instrument(tuple(usable_shots(campaign)[0]))
     problem.shots = [
-        dataclasses.replace(s, noise=noise[s.shot.quantity, s.shot.sample_rate_hz])
-        for s in problem.shots
+        under_noise(s, noise[s.shot.quantity, s.shot.sample_rate_hz]) for s in problem.shots
     ]
     problem, nuisances = with_start(problem)
     fitted = joint.fit(problem, nuisances)
