@@ -29,7 +29,7 @@ from analysis import noise_slow
 from analysis.hidden_noise import hidden_noise
 from analysis.noise_products import white_products
 from analysis.noise_slow import Slow
-from analysis.quantisation import Coarse, kept_share
+from analysis.quantisation import Coarse
 from analysis.quiet_spectrum import (
     SHORTEST,
     Spectrum,
@@ -48,11 +48,12 @@ SHORT_ORDER = 2
 SLOW_PRICE = 6.0
 """What a slow part must bring in twice the logarithm of the likelihood. Every amplifier has one, so
 it need not prove itself as a further order must; to whiten one that is not there does no harm."""
-HIDDEN_SHARE = 0.1
-"""Of the rounding error's variance, the most that a signal at rest may hide where its noise still
-shows a slow part. Noise is then 0.22 steps or more, and what hides 6 % of all variance at most."""
 PROMISED_SHARE = 0.5
 """Of that price: what a score test must promise for a search. It promises rather too much."""
+HIDDEN_SHARE = 0.1
+"""Of the rounding error's variance, the most that a quiet record may hide for its spectrum to be
+used. Derived: noise is then 0.22 steps or more. The part whose colour is not seen is 6 % of all
+variance at most, less than the tenth that counts as structure (``Criteria.little``)."""
 
 
 @dataclass(frozen=True)
@@ -220,13 +221,14 @@ def estimate_noise(
     samples = sum(s.size for s in usable)
     if samples < MIN_QUIET_SAMPLES:
         return None
-    gamma = _autocovariance(usable, MAX_ORDER, sample_rate_hz)
     hidden = None if quantum is None else hidden_noise(usable, quantum)
     if hidden is not None:
         coarse = _coarse_model(*hidden, samples)
-        if sample_rate_hz is None or kept_share(hidden[0].least_noise) > HIDDEN_SHARE:
+        if sample_rate_hz is None or hidden[0].hidden > HIDDEN_SHARE:
             return coarse
+        gamma = _autocovariance(usable, MAX_ORDER, sample_rate_hz)
         return _with_slow_part(coarse, usable, sample_rate_hz, gamma)
+    gamma = _autocovariance(usable, MAX_ORDER, sample_rate_hz)
     floor = 0.0 if quantum is None else quantum / math.sqrt(12)
     if gamma[0] <= floor**2 or gamma[0] == 0.0:
         level = max(math.sqrt(gamma[0]), floor)
@@ -248,8 +250,8 @@ def _with_slow_part(
 ) -> NoiseModel:
     """Return autoregressive noise with its slow part if there is one, and with what limits it.
 
-    A coarse converter lets a slow part through as noise moves the codes; what a signal at rest
-    hides of the rounding error is white.
+    The quiet record of a coarse converter hides a part of the rounding error, which is added as
+    white noise.
     """
     seen = pooled_spectrum(usable, sample_rate_hz)
     if seen is None:
@@ -265,11 +267,10 @@ def _with_slow_part(
         best = found[0]
     model = plain
     if best is not flat:
-        shown = best
-        if plain.coarse is not None:
-            unseen = kept_share(plain.coarse.least_noise) * plain.coarse.step**2 / 12.0
-            shown = replace(best, innovation=best.innovation + unseen)
-        model = _rising_model(shown, seen.samples, plain.samples)
+        coarse = plain.coarse
+        unseen = 0.0 if coarse is None else coarse.hidden * coarse.step**2 / 12.0
+        whole = replace(best, innovation=best.innovation + unseen)
+        model = _rising_model(whole, seen.samples, plain.samples)
     expected = noise_slow.drift_expected(seen, best)
     return replace(
         model,
@@ -322,9 +323,7 @@ def _by_bic(gamma: NDArray[np.float64], samples: int) -> tuple[NDArray[np.float6
     )
 
 
-def _rising(
-    seen: Spectrum, flat: Slow, gamma: NDArray[np.float64]
-) -> tuple[Slow, float] | None:
+def _rising(seen: Spectrum, flat: Slow, gamma: NDArray[np.float64]) -> tuple[Slow, float] | None:
     """Return noise with a slow part where that is worth its price, and what it costs, else None.
 
     Minus twice the logarithm of its likelihood, and the prices of its numbers.

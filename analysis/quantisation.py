@@ -68,9 +68,14 @@ class Coarse:
     allow. [step]"""
 
     @property
+    def hidden(self) -> float:
+        """Return the largest share of the rounding error's variance that a quiet record hides."""
+        return kept_share(self.least_noise)
+
+    @property
     def kept(self) -> float:
         """Return the largest share of the variance that a signal at rest keeps while it rests."""
-        return kept_share(self.least_noise) / (1.0 + 12.0 * self.noise**2)
+        return self.hidden / (1.0 + 12.0 * self.noise**2)
 
     @property
     def codes(self) -> int:
@@ -125,9 +130,8 @@ def weights_at_rest(signal: Array, coarse: Coarse, *, memory: float = 1.0) -> Ar
     .. math:: w = (1 + k \mu^2 (l - 1))^{-1/2}
 
     for stretches of l samples, k = ``coarse.kept``; :math:`\mu` = ``memory`` is what whitening
-    makes of a constant of one standard deviation. [1] The sum over a stretch then has the variance
-    that it has of independent samples. A sample leaves :math:`w^2` squares, for whether the signal
-    rests or passes, its own error has the same variance.
+    makes of a constant of one standard deviation. [1] The weights give a constant's information its
+    true size. Noise leaves :math:`w^2` squares of a sample, whether the signal rests or passes.
     """
     starts = starts_of_rest(signal, coarse)
     lengths = np.diff(starts, append=signal.size)

@@ -27,8 +27,8 @@ RC stages is ``stages``,
 
 .. math:: G(s) = (1 + \tau s)^{-n}
 
-where n is a number of the form and need not be whole: a filter without overshoot of any other make
-lies between two of them, up to Gauss's, which is the limit of many.
+where n is a second number and need not be whole. Gauss's filter is the limit of large n: at 20 kHz,
+32 stages turn a pulse of 100 us into one that differs by 0.3 % of its peak.
 
 Source: Butterworth, Wireless Engineer 7 (1930) 536; Thomson, Proc. IEE 96 III (1949) 487; poles by
 ``scipy.signal.besselap``. Validity: a linear filter, settled before the record; a pulse that is
@@ -126,7 +126,7 @@ def _cascade(sections: Callable[[int], tuple[Section, ...]], order: int) -> Hook
 def _stages(signal: Array, values: Values, context: ShotContext) -> Array:
     order, cutoff = values["stages"], values["cutoff_hz"]
     tau = math.sqrt(2.0 ** (1.0 / order) - 1.0) * context.sample_rate_hz / cutoff
-    # back to where it rests, and at rest, before it begins anew: a transform goes round
+    # the transform takes the signal for periodic: it runs back and rests, so nothing jumps
     size = next_fast_len(3 * signal.size, real=True)
     rest = np.full(size - 2 * signal.size, signal[0])
     whole = rfft(np.concatenate([signal, signal[::-1], rest]))

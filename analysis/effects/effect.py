@@ -144,10 +144,10 @@ class EffectParameter:
     """Name of the number of a campaign's surface that is this one, measured beforehand; empty for
     none."""
     usual_u: float = math.inf
-    """Standard deviation of the coordinate about ``usual`` where nobody states it, because rigs are
-    built so or the law says so; infinite where nothing is known."""
-    usual: float = 0.0
-    """That coordinate; 0 is neutral. [1]"""
+    """Standard deviation of the coordinate about neutral where nobody states it, because rigs are
+    built so; infinite where nothing is known."""
+    exact: float | None = None
+    """Value that the law itself gives: it is not fitted, and stated without an uncertainty."""
 
     def value(self, coordinate: float) -> float:
         """Return the physical value at a coordinate."""

@@ -12,9 +12,9 @@ with Hunt and Crossley's dashpot, or Kuwabara and Kono's (``loss_law:kuwabara_ko
     A = \frac23 \frac{1 - e}{C_1\,e} \frac{d}{v}, \quad d = \left(\frac{m v^2}{K}\right)^{2/5}
 
 The base's dashpot is Tsuji's. Each impact has a loss of its own, e, in any of these laws, so that
-only how the force is spread over the contact tells them apart. s is 1 and is not fitted: it would
-take up what other effects do that the model lacks. By how much the law is off, its discrepancy says
-(`analysis.diagnosis.basis.form_error`).
+only how the force is spread over the contact tells them apart. s is 1 and is not fitted: a
+fitted s takes up what other effects do that the model lacks. The error of the law itself is that of
+every named effect (`analysis.diagnosis.basis.form_error`).
 The library's ``hunt_crossley_damping`` and ``viscoelastic_damping`` are something else: a loss
 beside the base's, with one constant for many impacts.
 
@@ -64,8 +64,6 @@ def _base_dashpot(values: Values) -> float:
     return 1.0 - values["share"]
 
 
-EXACT_U = 1e-4
-"""Of the share: a hundredth of what the discrepancy allows, and no more than a fit's rounding."""
 _PARAMETERS = (
     EffectParameter(
         "share",
@@ -77,8 +75,7 @@ _PARAMETERS = (
         1.05,
         (1.0,),
         "of the loss that obeys this law",
-        usual=1.0,
-        usual_u=EXACT_U,
+        exact=1.0,
     ),
 )
 

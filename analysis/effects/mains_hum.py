@@ -10,9 +10,8 @@ those of sines and cosines would be differences of large numbers. Over less than
 period they are the six signals that hold most of seven harmonics falling as 1/h (singular vectors):
 of 80 mV of odd harmonics they leave 0.07 mV in 4 ms. Over longer windows they are three harmonics.
 
-Over so little of a period a baseline that drifts looks the same: ``mains_hum:drift``, a polynomial
-of free sizes in every shot, is no effect of the library but what the name must be told
-from.
+Over so little of a period a baseline that drifts looks the same. ``mains_hum:drift``, a polynomial
+with free coefficients in every shot, is no effect of the library: hum is compared with it.
 
 Source: Fourier. Validity: hum that is periodic over the record. Validation: a synthetic hum is in
 the span, in the tests. The sizes are neutral at 0.
@@ -32,8 +31,8 @@ _SIZE = 6
 _SHORT = 0.25
 """Of a period."""
 _DEGREE = 4
-"""Of a baseline that drifts. Derived: it follows a sine of any phase over a period to 1 % of its
-power and over half a period to 2e-5, but leaves 18 % over one and a half and 71 % over two."""
+"""Of the polynomial. Derived: it leaves at most 1 % of a sine's power over one period, whatever its
+phase, and at least 32 % over two."""
 
 
 @lru_cache(maxsize=64)

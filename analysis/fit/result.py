@@ -110,7 +110,7 @@ class FitResult:
     # -- quality ---------------------------------------------------------------------------------
     @property
     def degrees_of_freedom(self) -> int:
-        """Return samples less fitted parameters."""
+        """Return what noise leaves of squares, one a sample, less fitted parameters."""
         used = sum(s.item.expected_squares - 4 for s in self.shots)
         # a coarse record may hold next to nothing
         return max(round(used) - len(self.problem.names) + len(self.problem.inputs), 1)

@@ -40,7 +40,7 @@ class StatedEffect:
 def _parameter(problem: JointProblem, name: ParameterName) -> tuple[int, EffectParameter] | None:
     """Return an effect's number by its global's name, with its row among the local parameters."""
     for row, (effect, p) in problem.model.number_at.items():
-        is_known = p.stated or math.isfinite(p.usual_u)
+        is_known = p.stated or p.exact is not None or math.isfinite(p.usual_u)
         if is_known and name.is_of(effect.id, p.name):
             return row, p
     return None
@@ -75,7 +75,9 @@ def stated_effect(problem: JointProblem, name: ParameterName) -> StatedEffect | 
 
 
 def effect_prior(problem: JointProblem, name: ParameterName) -> Prior | None:
-    """Return what is known of an effect's global beforehand: as stated, or as rigs are built.
+    """Return what is known of an effect's global beforehand.
+
+    As it is stated, as the law itself gives it, or as rigs are built.
 
     None if nothing is known, and for what is not an effect's.
     """
@@ -85,8 +87,10 @@ def effect_prior(problem: JointProblem, name: ParameterName) -> Prior | None:
     stated = stated_effect(problem, name)
     if stated is not None:
         return stated.prior
-    usual, usual_u = found[1].usual, found[1].usual_u
-    return Prior(usual, usual_u) if math.isfinite(usual_u) else None
+    parameter = found[1]
+    if parameter.exact is not None:
+        return Prior(parameter.coordinate(parameter.exact), LEAST_RELATIVE_U)
+    return Prior(0.0, parameter.usual_u) if math.isfinite(parameter.usual_u) else None
 
 
 def stated_effects(problem: JointProblem) -> list[tuple[int, StatedEffect]]:

@@ -314,9 +314,12 @@ def _effect(diagnosis: Diagnosis, refit: Refit, after: FitResult) -> Json:
         found = {name.short: one for name, one in every.items() if name.is_of(refit.effect.id)}
     forms = diagnosis.forms_as_good.get(refit.effect_id, [])
     widen_over_forms(found, forms)
+    exact = {p.name for p in refit.effect.parameters if p.exact is not None}
     # a group of whom the effect asks nothing has no finite value (a stiffness without limit)
     parameters = {
-        name: value if value and diagnosis.leaves_noise else without_uncertainty(value)
+        name: value
+        if value and diagnosis.leaves_noise and name not in exact
+        else without_uncertainty(value)
         for name, value in found.items()
     }
     shown = next((one for one in diagnosis.shown if one.form == refit.effect.id), None)

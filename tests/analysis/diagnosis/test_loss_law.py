@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.procedure import diagnose_campaign
 from drivers.simulated.effects import make_effect
 from drivers.simulated.rig_model import CLOSED, rig_model
@@ -31,3 +32,6 @@ def test_another_law_of_loss_is_named_with_what_acts_beside_it(tmp_path: Path, l
     found = diagnose_campaign(campaign)
     assert found.verdict in ("identified", "family")
     assert {c.effect.id for c in found.chosen} == {FORMS[loss], "coupler_highpass"}
+    effects = diagnosis_json(found, software="impactd test")["effects"]
+    (law,) = (e for e in effects if e["id"] == "loss_law")
+    assert law["parameters"] == {"share": {"value": pytest.approx(1.0), "u": None, "unit": "1"}}
